@@ -1,0 +1,1 @@
+"""One file, one claim: the paper's figures and tables, studies, proofs, reports; no physics of its own."""

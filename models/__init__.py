@@ -1,0 +1,1 @@
+"""What we believe the machine is: parameters, closed forms, MJCF, and Pinocchio's references."""

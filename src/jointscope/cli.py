@@ -1,0 +1,70 @@
+"""The console script: finds the command, imports only that command's module, prints errors as one line."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from jointscope import __version__
+from jointscope.commands import COMMANDS, MODULES
+from jointscope.errors import JointscopeError
+
+EPILOG = """start here:
+  jointscope demo --out out/demo            the paper's single joint in short, plus pictures
+  jointscope inspect CAMPAIGN               what a folder of recordings holds, and what is wrong with it
+  jointscope identify CAMPAIGN --out DIR    stiffness, inertia and damping with intervals
+
+Each command explains itself: jointscope COMMAND --help
+"""
+
+
+def _listing() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="jointscope",
+        description="A validation testbed for elastic robot joints.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=EPILOG,
+    )
+    parser.add_argument("--version", action="version", version=f"jointscope {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, summary in COMMANDS.items():
+        commands.add_parser(name, help=summary, add_help=False)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        arguments: Words after ``jointscope``; the process's own when ``None``.
+
+    Returns:
+        The exit code: 0 done, 1 the command's own "no" (a failed check), 2 unusable input, 130 interrupted.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] not in COMMANDS:
+        _listing().parse_args(words)
+    name, rest = words[0], words[1:]
+    module = importlib.import_module(f"jointscope.commands.{MODULES.get(name, name)}")
+    parser = argparse.ArgumentParser(
+        prog=f"jointscope {name}",
+        description=module.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    module.configure(parser)
+    options = parser.parse_args(rest)
+    try:
+        return int(module.run(options))
+    except JointscopeError as problem:
+        print(f"jointscope {name}: {problem}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:
+        return 0
+    except OSError as problem:
+        print(f"jointscope {name}: {problem.filename or ''}: {problem.strerror or problem}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"jointscope {name}: interrupted; finished work is kept", file=sys.stderr)
+        return 130

@@ -1,0 +1,18 @@
+"""One module per command, each with ``configure(parser)`` and ``run(options) -> exit code``.
+
+The module's docstring is the command's help text. Heavy imports belong inside ``run``.
+"""
+
+COMMANDS: dict[str, str] = {
+    "demo": "the main job in short: the paper's joint simulated, identified, predicted; one real recording",
+    "simulate": "write a campaign of simulated recordings of the single-joint rig or the six-axis arm",
+    "inspect": "what a campaign holds, and what is wrong with its channels",
+    "new": "make a campaign from a lab's data files",
+    "import": "make a campaign from a public data set",
+    "identify": "stiffness, inertia, damping and modes with intervals, from hammer hits or torque and angles",
+    "predict": "arm vibration from the motor's torque or current, written per run",
+    "reproduce": "the paper's figures and tables beside its numbers",
+    "selfcheck": "the simulator's own error against the closed form",
+}
+
+MODULES: dict[str, str] = {"import": "import_"}  # commands whose module can't carry their name
