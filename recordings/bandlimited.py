@@ -1,0 +1,80 @@
+"""Between the samples: a record read as what it is, the instantaneous values of a band-limited signal.
+
+At 80 Hz on a 500 Hz log a hold costs -4.2 % and 1 ms, a straight line -8.2 %; the interpolation here costs less than
+1e-5 up to 0.9 of half the rate (Kaiser-windowed sinc to 16 times the rate, then a quintic spline).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, signal
+
+Real = NDArray[np.float64]
+
+OVERSAMPLING = 16
+_REACH = 48  # samples to either side of the kernel's centre
+_EDGE = _REACH + 8  # samples by which a record is continued past its ends
+
+
+@dataclass(frozen=True, eq=False)
+class Bandlimited:
+    """A uniformly sampled record as a function of time; constant outside it (a run starts at rest).
+
+    Attributes:
+        start: Time of the first sample [s].
+        end: Time of the last sample [s].
+        rate: Sampling rate [Hz].
+    """
+
+    start: float
+    end: float
+    rate: float
+    _spline: interpolate.BSpline = field(repr=False)
+
+    def __call__(self, times: Real, derivative: int = 0) -> Real:
+        """Value, or its time derivative, at ``times`` [s], same shape; outside the record the end value, or 0."""
+        inside = np.clip(times, self.start, self.end)
+        values = np.asarray(self._spline(inside, nu=derivative), dtype=np.float64)
+        if derivative:
+            values = np.where((times < self.start) | (times > self.end), 0.0, values)
+        return values
+
+
+def bandlimited(samples: Real, rate: float, start: float = 0.0) -> Bandlimited:
+    """Read ``samples``, shape (n,), taken at ``rate`` [Hz] from ``start`` [s] on, as a band-limited signal.
+
+    The record is continued by point reflection at both ends, which keeps value and slope. Gaps (NaN) are bridged by
+    straight lines.
+    """
+    values = np.asarray(samples, dtype=np.float64)
+    missing = np.isnan(values)
+    if missing.any():
+        index = np.arange(values.size)
+        values = np.interp(index, index[~missing], values[~missing])
+    edge = min(_EDGE, values.size - 1)
+    padded = np.concatenate(
+        [2.0 * values[0] - values[edge:0:-1], values, 2.0 * values[-1] - values[-2 : -edge - 2 : -1]]
+    )
+    fine = signal.upfirdn(_kernel(), padded, up=OVERSAMPLING)
+    first = _REACH * OVERSAMPLING  # the kernel's own delay
+    lead = min(8, edge) * OVERSAMPLING  # a few samples outside the ends keep the spline's end conditions away
+    begin = first + edge * OVERSAMPLING - lead
+    fine = fine[begin : begin + (values.size - 1) * OVERSAMPLING + 1 + 2 * lead]
+    times = start + (np.arange(fine.size) - lead) / (rate * OVERSAMPLING)
+    return Bandlimited(
+        start, start + (values.size - 1) / rate, rate, interpolate.make_interp_spline(times, fine, k=5)
+    )
+
+
+def resampled(samples: Real, rate: float, start: float, times: Real) -> Real:
+    """``samples`` of a band-limited signal at other ``times`` [s], shape of ``times``."""
+    return bandlimited(samples, rate, start)(times)
+
+
+def _kernel() -> Real:
+    """Kaiser-windowed sinc, shape (2 * reach * oversampling + 1,): passes the samples themselves unchanged."""
+    offset = np.arange(-_REACH * OVERSAMPLING, _REACH * OVERSAMPLING + 1) / OVERSAMPLING
+    return np.asarray(np.sinc(offset) * signal.windows.kaiser(offset.size, 12.0), dtype=np.float64)
