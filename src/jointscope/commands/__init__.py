@@ -12,6 +12,7 @@ COMMANDS: dict[str, str] = {
     "identify": "stiffness, inertia, damping and modes with intervals, from hammer hits or torque and angles",
     "predict": "arm vibration from the motor's torque or current, written per run",
     "reproduce": "the paper's figures and tables beside its numbers",
+    "sensitivity": "how much each parameter matters to what users care about",
     "selfcheck": "the simulator's own error against the closed form",
 }
 
