@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jointscope.experiments.sensitivity.study import OUTPUTS, Study
 from numpy.typing import NDArray
+
+from jointscope.experiments.sensitivity.study import OUTPUTS, Study
 
 Array = NDArray[np.float64]
 Evaluate = Callable[[Array], Array]
@@ -95,6 +96,7 @@ def analyse(study: Study, sample: Array, table: Array) -> tuple[Index, ...]:
     if study.method == "local":
         return tuple(index for index in _local(study, table) if index.output in study.outputs)
     indices = []
+    columns: tuple[Array, Array, Array, Array]
     for column, output in enumerate(OUTPUTS):
         if output not in study.outputs:
             continue
@@ -105,7 +107,7 @@ def analyse(study: Study, sample: Array, table: Array) -> tuple[Index, ...]:
             found = morris.analyze(problem(study), sample, y, num_levels=8, seed=_seed(study))
             columns = (found["mu_star"], found["mu_star_conf"], found["sigma"], np.zeros(len(study.factors)))
         elif np.ptp(y) == 0.0:  # an output that nothing moves has no variance to share out
-            columns = tuple(np.zeros((4, len(study.factors))))
+            columns = (np.zeros(len(study.factors)),) * 4
         else:
             from SALib.analyze import sobol
 

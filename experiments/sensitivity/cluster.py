@@ -15,7 +15,7 @@ def local_cluster(workers: int) -> Iterator[str]:
         from dask.distributed import LocalCluster
     except ImportError:
         raise MissingExtraError("a local Dask cluster", "cluster") from None
-    with LocalCluster(
+    with LocalCluster(  # type: ignore[no-untyped-call]
         n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=40
     ) as cluster:
         yield cluster.scheduler_address

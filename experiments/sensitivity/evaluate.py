@@ -9,12 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+
 from jointscope.atomic import replaced_file
 from jointscope.errors import MissingExtraError
 from jointscope.experiments.sensitivity import outputs
 from jointscope.experiments.sensitivity.study import OUTPUTS, Study
 from jointscope.progress import track
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -59,11 +60,11 @@ def _distributed(study: Study, blocks: dict[int, Array], scheduler: str) -> Iter
         from dask.distributed import Client, as_completed
     except ImportError:
         raise MissingExtraError("work on a Dask cluster", "cluster") from None
-    with Client(scheduler) as client:
+    with Client(scheduler) as client:  # type: ignore[no-untyped-call]
         futures = {
             client.submit(evaluate_block, study, block, pure=False): index for index, block in blocks.items()
         }
-        for future in as_completed(futures):
+        for future in as_completed(futures):  # type: ignore[no-untyped-call]
             yield futures[future], future.result()
 
 

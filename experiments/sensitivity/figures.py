@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
+
 from jointscope.atomic import replaced_file
 from jointscope.experiments.sensitivity import outputs
 from jointscope.experiments.sensitivity.analysis import Index
 from jointscope.experiments.sensitivity.study import OUTPUTS, Study
-from matplotlib.figure import Figure
 
 TITLES = {
     "sobol": "share of the variance [-]: total (dark) and alone (light)",

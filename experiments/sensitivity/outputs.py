@@ -11,10 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jointscope.models.parameters import Joint
 from numpy.typing import NDArray
 
+from jointscope.models.parameters import Joint
+
 Array = NDArray[np.float64]
+Complex = NDArray[np.complexfloating]
 
 RATE = 1024.0  # [Hz], the paper's acquisition
 RECORD = 3.0  # [s]
@@ -31,7 +33,7 @@ class Grid:
 
     times: Array
     sigma: float
-    s: NDArray[np.complex128]
+    s: Complex
 
 
 def _grid() -> Grid:
@@ -53,7 +55,7 @@ def sweep_torque(times: Array) -> Array:
     return np.where(times <= RECORD, SWEEP_TORQUE * np.sin(phase), 0.0)
 
 
-def _response(transfer: NDArray[np.complex128], drive: Array, grid: Grid) -> Array:
+def _response(transfer: Complex, drive: Array, grid: Grid) -> Array:
     damped = np.fft.rfft(drive * np.exp(-grid.sigma * grid.times))
     answer = np.fft.irfft(transfer * damped, n=grid.times.size) * np.exp(grid.sigma * grid.times)
     return np.asarray(answer[..., : int(RECORD * RATE)])
@@ -67,8 +69,8 @@ def _band_rms(response: Array, band: tuple[float, float]) -> Array:
 
 
 def transfers(
-    p: dict[str, Array], s: NDArray[np.complex128]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    p: dict[str, Array], s: Complex
+) -> tuple[Complex, Complex]:
     """Hammer accelerance (17) s^2 and shaft torque to arm acceleration eta n G_a (7, 11), each shape (samples, len(s))."""
     J_M = (p["motor_inertia"] + p["reducer_inertia"]) * p["reduction_ratio"] ** 2
     J_L, K, c, b_m, b_l = (p[k] for k in ("load_inertia", "stiffness", "damping", "motor_damping", "load_damping"))

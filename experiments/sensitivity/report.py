@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+
 from jointscope import __version__
 from jointscope.atomic import write_text
 from jointscope.experiments.sensitivity import analysis, figures
@@ -69,9 +70,9 @@ def run_study(path: Path, out: Path, *, workers: int, scheduler: str | None, as_
         table = evaluate_sample(study, sample, out / "blocks", workers=workers, scheduler=scheduler)
     seconds = time.monotonic() - began
     indices = analysis.analyse(study, sample, table)
+    low, middle, high = np.quantile(table, (0.05, 0.5, 0.95), axis=0)
     spread = {
-        name: tuple(float(v) for v in np.quantile(table[:, column], (0.05, 0.5, 0.95)))
-        for column, name in enumerate(OUTPUTS)
+        name: (float(low[column]), float(middle[column]), float(high[column])) for column, name in enumerate(OUTPUTS)
     }
     result = {
         "format": "jointscope-sensitivity-result/1",
