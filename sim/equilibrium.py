@@ -1,0 +1,75 @@
+"""Rest: the angles and the holding torque at which nothing accelerates, from which every run starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.errors import JointscopeError
+from jointscope.sim.stepping import ForceLaw, Machine
+
+Real = NDArray[np.float64]
+
+_STEP = 1e-7  # rad, difference step of the Jacobian
+_TIGHT = 1e-9  # N m
+
+
+class EquilibriumError(JointscopeError):
+    """No angles near the arm angle asked for keep the model at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A machine at rest.
+
+    Attributes:
+        q: Angles [rad], shape (nq,).
+        torque: Motor torque on the shaft that holds them [N m].
+    """
+
+    q: Real
+    torque: float
+
+
+def equilibrium(machine: Machine, arm_angle: float, law: ForceLaw | None = None) -> Equilibrium:
+    """Newton's method on the static forces, with the arm at ``arm_angle`` [rad] from the horizontal.
+
+    Args:
+        machine: A model whose motor is free (actuator and joint ``motor``, tendon ``arm``). Dry friction is left out:
+            it can hold any point nearby, the one in its middle is returned.
+        arm_angle: q [rad].
+        law: Forces beyond the model.
+
+    Raises:
+        EquilibriumError: No rest was found.
+    """
+    model = machine.model
+    data = mujoco.MjData(model)
+    motor, arm = model.actuator("motor").id, model.tendon("arm").id
+    data.qpos[model.joint("motor").qposadr[0]] = arm_angle
+    unknowns = np.append(np.array(data.qpos), 0.0)
+
+    def imbalance(x: Real) -> Real:
+        data.qpos[:], data.qvel[:], data.ctrl[motor] = x[:-1], 0.0, x[-1]
+        mujoco.mj_forward(model, data)
+        force = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+        if law is not None:
+            force = force + law(0.0, np.array(data.qpos), np.zeros(model.nv))
+        return np.append(force, (data.ten_length[arm] - arm_angle) * 1e6)  # 1e-15 rad weighs like 1e-9 N m
+
+    for _ in range(50):
+        residual = imbalance(unknowns)
+        if np.abs(residual).max() < _TIGHT:
+            return Equilibrium(unknowns[:-1].copy(), float(unknowns[-1]))
+        jacobian = np.column_stack(
+            [(imbalance(unknowns + step) - residual) / _STEP for step in np.eye(unknowns.size) * _STEP]
+        )
+        unknowns = unknowns - np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+    if np.abs(imbalance(unknowns)).max() < 1e3 * _TIGHT:
+        return Equilibrium(unknowns[:-1].copy(), float(unknowns[-1]))
+    raise EquilibriumError(
+        f"arm angle {arm_angle:.4g} rad: no rest found, {np.abs(imbalance(unknowns)).max():.3g} N m stay unbalanced"
+    )
