@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, signal
+from scipy.linalg import block_diag
 
-from jointscope.errors import InputError
+from jointscope.errors import InputError, RefusedError
 from jointscope.models.joint import denominator
 from jointscope.models.parameters import Joint
 from jointscope.recordings.bandlimited import bandlimited
@@ -28,6 +29,7 @@ Real = NDArray[np.float64]
 
 _NAMES = ("proportional", "integral", "acceleration_feedforward", "velocity_feedforward")
 _FILTER = 60.0  # Hz: command and encoder agree with the logged torque below this; their noise lies above
+_NEGLIGIBLE = 1e-8  # of the torque variance: what the interpolation itself leaves over
 _MARGIN = 0.05  # s cut off either end, where the filters have one-sided neighbours
 
 
@@ -201,7 +203,7 @@ def _smoothed(samples: Real, rate: float) -> Real:
     """Zero-phase low-pass, so that an encoder's steps do not become torque-sized noise when differentiated."""
     if rate <= 4.0 * _FILTER:
         return samples
-    sections = signal.butter(2, 2.0 * _FILTER, fs=rate, output="sos")
+    sections = signal.butter(4, 2.0 * _FILTER, fs=rate, output="sos")
     offset = samples - samples[0]
     return np.asarray(samples[0] + signal.sosfiltfilt(sections, offset), dtype=np.float64)
 
@@ -216,21 +218,24 @@ def _limit(torque: Real) -> float | None:
 
 def _regressed(takes: Sequence[_Take]) -> Drive:
     """Least squares of the filtered torque on the filtered law; feed-forward terms only where they are needed."""
-    blocks, targets, weights = [], [], []
-    for index, take in enumerate(takes):
+    blocks, targets, holds = [], [], []
+    for take in takes:
         assert take.speed is not None
         rate = (take.times.size - 1) / (take.times[-1] - take.times[0])
         e = take.command - take.speed
         integral = np.concatenate([[0.0], np.cumsum(0.5 * (e[1:] + e[:-1]))]) / rate
-        hold = np.zeros((take.times.size, len(takes)))
-        hold[:, index] = 1.0
-        columns = np.column_stack([e, integral, take.command_rate, take.command, hold])
-        columns, torque = _low_passed(columns, rate), _low_passed(take.torque[:, None], rate)[:, 0]
-        keep = _away_from(take.saturated, int(0.02 * rate)) & _inner(take.times)
-        blocks.append(columns[keep])
-        targets.append(torque[keep])
-        weights.append(np.count_nonzero(keep))
-    A, T = np.concatenate(blocks), np.concatenate(targets)
+        columns = _low_passed(np.column_stack([e, integral, take.command_rate, take.command]), rate)
+        torque = _low_passed(take.torque[:, None], rate)[:, 0]
+        for piece in _unsaturated(take, rate):
+            blocks.append(columns[piece])
+            targets.append(torque[piece])
+            holds.append(piece.size)
+    if not blocks:
+        raise RefusedError(
+            f"run {takes[0].run!r}: the torque never leaves its limit, so the drive's law can't be seen"
+        )
+    held = block_diag(*[np.ones((size, 1)) for size in holds])
+    A, T = np.column_stack([np.concatenate(blocks), held]), np.concatenate(targets)
     values, errors, residual = _chosen_terms(A, T)
     limits = [limit for take in takes if (limit := _limit(take.torque)) is not None]
     return Drive(
@@ -246,16 +251,15 @@ def _regressed(takes: Sequence[_Take]) -> Drive:
 def _chosen_terms(A: Real, T: Real) -> tuple[tuple[float, ...], tuple[float, float, float, float], float]:
     """Values and standard errors of the four law terms, and the residual's RMS; smallest BIC wins."""
     holds = list(range(4, A.shape[1]))
+    # neighbouring filtered samples say much the same: count what is independent, once for all candidates
+    count = max(T.size * _independence(T - A @ np.linalg.lstsq(A, T, rcond=1e-12)[0]), A.shape[1] + 2.0)
     best = None
     for extra in ((), (2,), (3,), (2, 3)):
         use = [0, 1, *extra, *holds]
         scale = np.linalg.norm(A[:, use], axis=0)
         scale[scale == 0.0] = 1.0
         solution, *_ = np.linalg.lstsq(A[:, use] / scale, T, rcond=1e-12)
-        rest = T - A[:, use] @ (solution / scale)
-        # neighbouring filtered samples say much the same: count what is independent
-        count = max(T.size * _independence(rest), len(use) + 2.0)
-        variance = float(np.mean(rest**2))
+        variance = float(np.mean((T - A[:, use] @ (solution / scale)) ** 2)) + _NEGLIGIBLE * float(np.var(T))
         bic = count * math.log(max(variance, 1e-300)) + len(use) * math.log(count)
         if best is None or bic < best[0] - 6.0:
             covariance = np.linalg.pinv((A[:, use] / scale).T @ (A[:, use] / scale)) * variance * T.size / count
@@ -285,12 +289,22 @@ def _low_passed(columns: Real, rate: float) -> Real:
     return np.asarray(signal.sosfiltfilt(signal.butter(4, _FILTER, fs=rate, output="sos"), columns, axis=0))
 
 
+def _unsaturated(take: _Take, rate: float) -> list[NDArray[np.intp]]:
+    """Index pieces off the limit; each has an integrator offset of its own, as anti-windup may have reset it."""
+    keep = np.flatnonzero(_away_from(take.saturated, int(0.04 * rate)) & _inner(take.times))
+    pieces = np.split(keep, np.flatnonzero(np.diff(keep) > 1) + 1)
+    return [piece for piece in pieces if piece.size >= 0.1 * rate]
+
+
 def _away_from(bad: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    return np.asarray(np.convolve(bad, np.ones(2 * reach + 1), mode="same") < 0.5, dtype=np.bool_)
+    near = np.convolve(bad.astype(float), np.ones(2 * reach + 1), mode="same")
+    far: NDArray[np.bool_] = np.asarray(near < 0.5)
+    return far
 
 
 def _inner(times: Real) -> NDArray[np.bool_]:
-    return (times > times[0] + _MARGIN) & (times < times[-1] - _MARGIN)
+    inner: NDArray[np.bool_] = (times > times[0] + _MARGIN) & (times < times[-1] - _MARGIN)
+    return inner
 
 
 def _through_the_joint(takes: Sequence[_Take], joint: Joint, gravity_moment: float, campaign: Campaign) -> Drive:

@@ -72,6 +72,7 @@ def _updates(samples: Samples, f_log: float) -> Samples:
     if changed.size:
         turns = np.exp(2j * np.pi * changed / step)
         phase = (np.angle(turns.sum()) / (2 * np.pi) * step) % step
+        phase = 0.0 if step - phase < 1e-6 * step else phase
     # The change is seen at the first file sample at or after the update, half a file period late on average
     # unless the two rates are commensurate.
     late = 0.0 if abs(step - round(step)) < 1e-6 else 0.5

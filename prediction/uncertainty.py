@@ -32,7 +32,8 @@ class ChannelBand:
     @property
     def standard_deviation(self) -> Real:
         """Of each predicted sample, SI, shape (n,)."""
-        return np.sqrt(np.sum(self.deviations**2, axis=0))
+        variance: Real = np.sum(self.deviations**2, axis=0)
+        return np.sqrt(variance)
 
     def of_magnitude(self, predicted: Real, rate: float, window: Window = "tukey") -> Real:
         """Standard deviation of the spectrum's magnitude, shape of its frequency axis."""
