@@ -69,7 +69,7 @@ def calibrate(rig: Rig, timestep: float = stepping.TIMESTEP) -> Calibration:
     """
     level = replace(rig, gravity=0.0)
     spec = rig_spec(level)
-    s = 2j * np.pi * FREQUENCIES
+    s = np.asarray(2j * np.pi * FREQUENCIES, dtype=np.complex128)
     per_torque = load_acceleration_per_torque(rig.joint, s) * rig.joint.efficiency * rig.joint.reduction_ratio
     return Calibration(
         motor=_deviation(
@@ -94,7 +94,7 @@ def calibrate(rig: Rig, timestep: float = stepping.TIMESTEP) -> Calibration:
 def _deviation(
     rig: Rig, machine: stepping.Machine, actuator: str, device: Device, duration: float, closed_form: Complex
 ) -> Deviation:
-    times = np.arange(stepping.total_steps(duration, machine.timestep)) * machine.timestep
+    times = stepping.grid(duration, machine.timestep)
     inputs = stepping.stack_inputs(machine, {actuator: _PULSE.force(times)}, len(times))
     trace = stepping.step(machine, np.zeros(machine.model.nq), inputs)
     excitation = trace.inputs[actuator]

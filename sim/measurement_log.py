@@ -56,4 +56,4 @@ def _mean_before(values: Real, timestep: float, times: Real, span: float) -> Rea
         inside = np.clip(instants, 0.0, None)
         return interpolate_grid(integral, timestep, inside)
 
-    return values[0] + (up_to(times) - up_to(times - span)) / span
+    return np.asarray(values[0] + (up_to(times) - up_to(times - span)) / span, dtype=np.float64)

@@ -133,27 +133,15 @@ def step(machine: Machine, start: Real, inputs: Real, law: ForceLaw | None = Non
         inputs: Control at t_k = k h, shape (n, number of actuators).
         law: Forces beyond the model.
     """
-    if law is None:
-        return step_batch(machine, start, inputs[np.newaxis])[0]
-    return march(machine, start, inputs, law=law)
-
-
-def step_batch(machine: Machine, start: Real, inputs: Real) -> list[Trace]:
-    """Step several takes that begin alike, shape of ``inputs`` (takes, n, number of actuators)."""
-    takes, n, _ = inputs.shape
+    if law is not None:
+        return march(machine, start, inputs, law=law)
     data = mujoco.MjData(machine.model)
     data.qpos[:] = start
     state = np.empty(mujoco.mj_stateSize(machine.model, _FULL_STATE))
     mujoco.mj_getState(machine.model, data, state, _FULL_STATE)
-    padded = np.concatenate(
-        [inputs, inputs[:, -1:]], axis=1
-    )  # one step more: a velocity is centred by its successor
-    sensors = np.empty((takes, n + 1, machine.model.nsensordata))
-    for take in range(takes):  # take by take keeps the state array, which nobody reads, small
-        rollout.rollout(
-            machine.model, data, state[np.newaxis], padded[take : take + 1], sensordata=sensors[take : take + 1]
-        )
-    return [read_out(machine, inputs[take], sensors[take]) for take in range(takes)]
+    padded = np.concatenate([inputs, inputs[-1:]])  # one step more: a velocity is centred by its successor
+    _, sensors = rollout.rollout(machine.model, data, state[np.newaxis], padded[np.newaxis])
+    return read_out(machine, inputs, sensors[0])
 
 
 def march(
@@ -216,7 +204,7 @@ def read_out(machine: Machine, inputs: Real, sensors: Real) -> Trace:
         else:
             signals[name] = values[:-1] + (machine.held if name == "arm angle" else 0.0)
     return Trace(
-        times=np.arange(len(inputs)) * machine.timestep,
+        times=np.asarray(np.arange(len(inputs)) * machine.timestep, dtype=np.float64),
         inputs={name: inputs[:, column] for name, column in machine.inputs.items()},
         signals=signals,
     )
@@ -235,6 +223,6 @@ def stack_inputs(machine: Machine, columns: Mapping[str, Real | float], steps: i
     return inputs
 
 
-def total_steps(duration: float, timestep: float) -> int:
-    """Steps that cover ``duration`` [s], both ends included."""
-    return int(np.ceil(duration / timestep - 1e-9)) + 1
+def grid(duration: float, timestep: float) -> Real:
+    """t_k = k h from 0 to at least ``duration`` [s]."""
+    return np.asarray(np.arange(int(np.ceil(duration / timestep - 1e-9)) + 1) * timestep, dtype=np.float64)
