@@ -1,0 +1,172 @@
+"""Write a campaign of simulated recordings, as a laboratory would hand them over.
+
+`single-joint` is the bench of Li et al., Sensors 2022, 22(16), 6170: hammer hits on the arm with the motor braked,
+swept motor torque from a hanging arm, and motion there and back under speed control, two levels each. MuJoCo moves
+the rig; sensors, anti-alias filters, converters and clocks make recordings of it. The campaign holds the nameplate
+and the recordings; the rig's stiffness, inertia and damping are not in it.
+
+examples:
+  jointscope simulate single-joint --out bench --seed 1
+  jointscope simulate single-joint --out hits --experiments hammer --hits 20 --tip hard
+  jointscope simulate single-joint --out late --plc-delay 0.004 --torque-log hold --torque-log-rate 250
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jointscope.models.parameters import Rig
+    from jointscope.sim.chain import Chain
+    from jointscope.sim.plan import SingleJointPlan
+
+_EXPERIMENTS = ("hammer", "sweep", "motion")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    rigs = parser.add_subparsers(dest="rig", metavar="RIG", required=True)
+    single = rigs.add_parser(
+        "single-joint",
+        help="the paper's bench",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _configure_single_joint(single)
+
+
+def _configure_single_joint(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="campaign to write; must not exist yet"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of hit scatter and noise (default 0)")
+    parser.add_argument(
+        "--experiments", nargs="+", choices=_EXPERIMENTS, default=_EXPERIMENTS, help="which ones (default all)"
+    )
+    parser.add_argument("--hits", type=int, default=10, metavar="N", help="hammer hits per level (default 10)")
+    parser.add_argument("--hit-levels", type=float, nargs="+", metavar="N", help="mean peak forces [N]")
+    parser.add_argument(
+        "--tip", choices=("soft", "medium", "hard"), default="medium", help="10, 7 or 4 ms of contact"
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=2, metavar="N", help="of sweeps and motions, per level (default 2)"
+    )
+    parser.add_argument("--sweep-levels", type=float, nargs="+", metavar="NM", help="torque amplitudes [N m]")
+    parser.add_argument("--travels", type=float, nargs="+", metavar="DEG", help="of the motions [deg]")
+    parser.add_argument("--currents", action="store_true", help="also three phase currents at 10 kHz")
+    parser.add_argument("--noiseless", action="store_true", help="ideal sensors, converters and hits")
+    parser.add_argument(
+        "--plc-delay", type=float, default=0.0, metavar="S", help="by which the PLC stamps late [s]"
+    )
+    parser.add_argument(
+        "--plc-ppm", type=float, default=0.0, metavar="PPM", help="by which the PLC's clock runs fast"
+    )
+    parser.add_argument(
+        "--torque-log", choices=("band-limited", "hold", "average", "alias"), default="band-limited",
+        help="how the torque gets into the PLC's log",
+    )  # fmt: skip
+    parser.add_argument("--torque-log-rate", type=float, metavar="HZ", help="rate at which it is refreshed [Hz]")
+    parser.add_argument("--stiffness", type=float, metavar="K", help="of the simulated reducer [N m/rad]")
+    parser.add_argument("--damping", type=float, metavar="C", help="of the simulated reducer [N m s/rad]")
+    parser.add_argument("--inertia", type=float, metavar="J", help="of the simulated arm about the joint [kg m^2]")
+    parser.add_argument("--json", action="store_true", help="print what was written for machines")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate and write."""
+    import json
+
+    import numpy as np
+
+    from jointscope.errors import JointscopeError
+    from jointscope.progress import track
+    from jointscope.recordings.campaign import Campaign
+    from jointscope.recordings.writer import write_campaign
+    from jointscope.sim.single_joint import nameplate, planned_takes, simulate_runs
+
+    if options.seed < 0:
+        raise JointscopeError(f"--seed {options.seed}: must be 0 or more")
+    rig, plan = _rig(options), _plan(options)
+    steps = simulate_runs(rig, plan, np.random.default_rng(options.seed))
+    runs = tuple(track(steps, "simulate", total=len(planned_takes(plan))))
+    campaign = Campaign(path=options.out, rig=nameplate(rig, plan), runs=runs, title=plan.title, notes=plan.notes)
+    path = write_campaign(campaign, options.out)
+    if options.json:
+        print(json.dumps({"campaign": str(path), "runs": [r.id for r in runs], "seed": options.seed}))
+    else:
+        kinds = {
+            kind: sum(r.experiment == kind for r in runs) for kind in dict.fromkeys(r.experiment for r in runs)
+        }
+        print(
+            f"{path}: "
+            + ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+            + f" runs, seed {options.seed}"
+        )
+        print(f"next: jointscope inspect {path}")
+    return 0
+
+
+def _rig(options: argparse.Namespace) -> Rig:
+    from dataclasses import replace
+
+    from jointscope.models.paper import paper_rig
+
+    rig = paper_rig()
+    joint = rig.joint
+    return replace(
+        rig,
+        joint=replace(
+            joint,
+            stiffness=joint.stiffness if options.stiffness is None else options.stiffness,
+            damping=joint.damping if options.damping is None else options.damping,
+            load_inertia=joint.load_inertia if options.inertia is None else options.inertia,
+        ),
+    )
+
+
+def _plan(options: argparse.Namespace) -> SingleJointPlan:
+    import math
+
+    from jointscope import __version__
+    from jointscope.sim.plan import HammerPlan, MotionPlan, SingleJointPlan, SweepPlan
+    from jointscope.sim.stepping import TIMESTEP
+
+    hammer, sweep, motion = HammerPlan(), SweepPlan(), MotionPlan()
+    steady = 0.0 if options.noiseless else 1.0
+    hammer = HammerPlan(
+        hits=options.hits,
+        levels=tuple(options.hit_levels or hammer.levels),
+        hardness=options.tip,
+        position_scatter=steady * hammer.position_scatter,
+        gain_scatter=steady * hammer.gain_scatter,
+        timing_scatter=steady * hammer.timing_scatter,
+        double_hit_probability=steady * hammer.double_hit_probability,
+    )
+    sweep = SweepPlan(repeats=options.repeats, levels=tuple(options.sweep_levels or sweep.levels))
+    travels = tuple(math.radians(t) for t in options.travels) if options.travels else motion.travels
+    motion = MotionPlan(repeats=options.repeats, travels=travels)
+    return SingleJointPlan(
+        hammer=hammer if "hammer" in options.experiments else None,
+        sweep=sweep if "sweep" in options.experiments else None,
+        motion=motion if "motion" in options.experiments else None,
+        chain=_chain(options),
+        notes=f"Simulated by jointscope {__version__}, seed {options.seed}, step {TIMESTEP:g} s.",
+    )
+
+
+def _chain(options: argparse.Namespace) -> Chain:
+    from dataclasses import replace
+
+    from jointscope.sim.chain import Chain, CurrentProbes, noiseless
+    from jointscope.sim.measurement import Clock
+    from jointscope.sim.measurement_log import TorqueLog
+
+    chain = noiseless() if options.noiseless else Chain()
+    return replace(
+        chain,
+        plc=replace(chain.plc, clock=Clock(delay=options.plc_delay, ppm=options.plc_ppm)),
+        torque_log=TorqueLog(kind=options.torque_log, rate=options.torque_log_rate),
+        currents=CurrentProbes() if options.currents else None,
+    )
