@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from jointscope.models.joint import denominator
 from jointscope.models.parameters import Joint
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Campaign, Run, Signal
+from jointscope.recordings.motor_torque import motor_torque
 
 Real = NDArray[np.float64]
 
@@ -112,7 +113,14 @@ class _Take:
     command: Real
     command_rate: Real
     speed: Real | None  # motor shaft [rad/s]
-    saturated: NDArray[np.bool_]
+    plateau: float | None  # level that looks like a torque limit [N m]
+
+    @property
+    def saturated(self) -> NDArray[np.bool_]:
+        """Where the torque stands on its plateau, shape (n,)."""
+        if self.plateau is None:
+            return np.zeros(self.times.size, dtype=np.bool_)
+        return np.asarray(np.abs(self.torque) > 0.99 * self.plateau, dtype=np.bool_)
 
 
 def identify_drive(campaign: Campaign, joint: Joint | None = None, *, gravity_moment: float = 0.0) -> Drive | None:
@@ -135,7 +143,7 @@ def identify_drive(campaign: Campaign, joint: Joint | None = None, *, gravity_mo
     ]
     measured = [take for take in takes if take.speed is not None]
     if measured:
-        drive = _regressed(measured)
+        drive = _regressed(_credible(measured))
     elif takes and joint is not None:
         drive = _through_the_joint(takes, joint, gravity_moment, campaign)
     else:
@@ -145,10 +153,12 @@ def identify_drive(campaign: Campaign, joint: Joint | None = None, *, gravity_mo
 
 def _take(campaign: Campaign, run: Run) -> _Take | None:
     commands = run.select("speed-command")
-    torque = _shaft_torque(campaign, run)
-    if not commands or torque is None or run.brake:
+    if not commands or run.brake:
         return None
-    log, values = torque
+    log = motor_torque(run, campaign.rig)
+    if log is None or not log.signed:
+        return None
+    values = log.values
     command = bandlimited(commands[0].samples, commands[0].sampling_rate, commands[0].stream.start)
     inside = (log.times >= command.start) & (log.times <= command.end)
     speed = _motor_speed(campaign, run)
@@ -157,7 +167,6 @@ def _take(campaign: Campaign, run: Run) -> _Take | None:
     if np.count_nonzero(inside) < 64:
         return None
     t = log.times[inside]
-    limit = _limit(values[inside])
     return _Take(
         run=run.id,
         times=t,
@@ -165,18 +174,8 @@ def _take(campaign: Campaign, run: Run) -> _Take | None:
         command=command(t),
         command_rate=command(t, 1),
         speed=None if speed is None else speed[2](t, speed[3]) * speed[4],
-        saturated=np.zeros(t.size, bool) if limit is None else np.abs(values[inside]) > 0.995 * limit,
+        plateau=_limit(values[inside]),
     )
-
-
-def _shaft_torque(campaign: Campaign, run: Run) -> tuple[Signal, Real] | None:
-    """A recorded torque or torque-producing current with its values on the motor shaft [N m]."""
-    for signal_ in run.select("torque", location="motor"):
-        ratio = campaign.rig.reduction_ratio or 1.0
-        return signal_, signal_.samples / (ratio if signal_.channel.side == "output" else 1.0)
-    for signal_ in run.select("current", location="motor"):
-        return signal_, signal_.samples * (campaign.rig.torque_constant or 1.0)
-    return None
 
 
 def _motor_speed(campaign: Campaign, run: Run) -> tuple[float, float, Any, int, float] | None:
@@ -209,11 +208,23 @@ def _smoothed(samples: Real, rate: float) -> Real:
 
 
 def _limit(torque: Real) -> float | None:
-    """The torque limit, where the log stays on its largest value for at least 5 consecutive samples; else ``None``."""
-    peak = float(np.max(np.abs(torque)))
-    at_limit = np.abs(np.abs(torque) - peak) <= 0.002 * peak
-    runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], at_limit, [False]]).astype(int))))[::2]
-    return float(np.median(np.abs(torque[at_limit]))) if runs.size and runs.max() >= 5 else None
+    """The torque limit: a level that the log runs into, stays on for at least 5 samples and is its largest; else ``None``.
+
+    A smooth summit lingers near its top too, but its slope dies out before; a limit is met at full slope.
+    """
+    size = np.abs(torque)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(torque, 2)))) / math.sqrt(6.0)
+    width = max(0.002 * float(size.max()), 3.0 * noise)
+    if width > 0.1 * float(size.max()):
+        return None  # nothing but noise at its top
+    near = size > size.max() - 2.0 * width
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        half = 0.5 * (last - first)
+        steps = [abs(size[at] - size[at - 2]) / 2.0 for at in (first, min(last + 1, size.size - 1)) if at >= 2]
+        if last - first >= 5 and max(steps, default=0.0) > 4.0 * (2.0 * 2.0 * width / half):
+            return float(np.median(size[first:last]))
+    return None
 
 
 def _regressed(takes: Sequence[_Take]) -> Drive:
@@ -237,15 +248,29 @@ def _regressed(takes: Sequence[_Take]) -> Drive:
     held = block_diag(*[np.ones((size, 1)) for size in holds])
     A, T = np.column_stack([np.concatenate(blocks), held]), np.concatenate(targets)
     values, errors, residual = _chosen_terms(A, T)
-    limits = [limit for take in takes if (limit := _limit(take.torque)) is not None]
     return Drive(
         **dict(zip(_NAMES, values, strict=True)),
-        torque_limit=max(limits) if limits else None,
+        torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
         standard_errors=errors,
         residual=residual,
         explained=1.0 - residual**2 / max(float(np.var(T)), 1e-300),
         runs=tuple(take.run for take in takes),
     )
+
+
+def _credible(takes: Sequence[_Take]) -> list[_Take]:
+    """The takes without those plateaus that the drive went beyond elsewhere, or on which the law asks for no more.
+
+    A limit cuts off what the law asks for; a constant acceleration makes a plateau on which both agree.
+    """
+    highest = max(float(np.max(np.abs(take.torque))) for take in takes)
+    takes = [take if (take.plateau or 0.0) > 0.97 * highest else replace(take, plateau=None) for take in takes]
+    if all(take.plateau is None for take in takes):
+        return takes
+    without = [replace(take, plateau=None) for take in takes]
+    bounded, unbounded = _regressed(takes), _regressed(without)
+    # were the plateau no limit, leaving it out would hardly change how well the law explains the torque
+    return takes if bounded.residual < 0.5 * unbounded.residual else without
 
 
 def _chosen_terms(A: Real, T: Real) -> tuple[tuple[float, ...], tuple[float, float, float, float], float]:
@@ -336,11 +361,10 @@ def _through_the_joint(takes: Sequence[_Take], joint: Joint, gravity_moment: flo
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * variance / max(_independence(rest), 1e-3)
     K_p, K_i = np.exp(found.x)
     spread = np.sqrt(np.diag(covariance)) * np.array([K_p, K_i])
-    limits = [limit for take in takes if (limit := _limit(take.torque)) is not None]
     return Drive(
         proportional=float(K_p),
         integral=float(K_i),
-        torque_limit=max(limits) if limits else None,
+        torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
         standard_errors=(float(spread[0]), float(spread[1]), 0.0, 0.0),
         residual=math.sqrt(variance),
         explained=1.0 - variance / max(float(np.var(torque)), 1e-300),

@@ -15,8 +15,8 @@ from jointscope.errors import RefusedError
 from jointscope.identification.drive import Drive
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.integrate import Loop
-from jointscope.prediction.motor_torque import motor_torque
 from jointscope.prediction.plant import Plant, prescribed_motion
+from jointscope.prediction.torque_input import torque_input
 from jointscope.prediction.torque_log import TorqueLog
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Run, Signal
@@ -87,7 +87,7 @@ def run_inputs(
     start, rate, count = _clock(run, plant, [*read, *outputs])
     t = start + np.arange(2 * count - 1) / (2.0 * rate)
     notes: list[str] = []
-    torque = motor_torque(model, run, plant.ratio * plant.resting_motor_angle(run.arm_angle), log)
+    torque = torque_input(model, run, plant.ratio * plant.resting_motor_angle(run.arm_angle), log)
     hold = plant.holding_torque(run.arm_angle)
     if torque is not None:
         T_e = torque.value(t)

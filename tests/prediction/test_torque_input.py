@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jointscope.errors import RefusedError
-from jointscope.prediction.motor_torque import motor_torque, quadrature_current
+from jointscope.prediction.torque_input import quadrature_current, torque_input
 from jointscope.prediction.torque_log import Samples, TorqueLog, undistorted
 
 RATE = 10_000.0
@@ -33,7 +33,7 @@ def test_three_phases_keep_the_sign_of_a_current_that_crosses_zero(bench, rng):
     i_q[:500] = 2.0
     currents = [i + 0.01 * rng.standard_normal(t.size) for i in phases(i_q, angle)]
     rig = bench.horizontal(torque_constant=0.458, pole_pairs=5)
-    found = motor_torque(bench.model(rig), with_currents(bench, currents), angle[0] / 5)
+    found = torque_input(bench.model(rig), with_currents(bench, currents), angle[0] / 5)
     assert np.max(np.abs(found.value(t) - 0.458 * i_q)) < 0.03
     assert found.note == ""
 
@@ -47,7 +47,7 @@ def test_two_phases_are_as_good_as_three(bench):
     t, angle = motion(4000)
     i_q = 1.0 + 0.2 * np.sin(60 * t)
     rig = bench.horizontal(torque_constant=0.458, pole_pairs=5)
-    found = motor_torque(bench.model(rig), with_currents(bench, phases(i_q, angle)[:2]), angle[0] / 5)
+    found = torque_input(bench.model(rig), with_currents(bench, phases(i_q, angle)[:2]), angle[0] / 5)
     assert found.value(t)[100:-100] == pytest.approx(0.458 * i_q[100:-100], abs=1e-3)
 
 
@@ -56,7 +56,7 @@ def test_one_phase_gives_the_envelope_and_says_so(bench):
     i_q = -1.5
     rig = bench.horizontal(torque_constant=0.458, pole_pairs=5)
     run = with_currents(bench, [-i_q * np.sin(600 * t)])
-    found = motor_torque(bench.model(rig), run, 0.0)
+    found = torque_input(bench.model(rig), run, 0.0)
     assert found.value(t)[2000:-2000] == pytest.approx(0.458 * 1.5, rel=0.01)
     assert "sign is lost" in found.note
 
@@ -66,18 +66,18 @@ def test_a_current_without_a_torque_constant_is_refused_by_name(bench):
         "torque-sweep", bench.stream(1000.0, bench.channel("current", "motor", "input", np.ones(100), column="iq"))
     )
     with pytest.raises(RefusedError, match=r"'iq'.*torque_constant"):
-        motor_torque(bench.model(bench.horizontal()), run, 0.0)
+        torque_input(bench.model(bench.horizontal()), run, 0.0)
 
 
 def test_a_declared_input_that_is_not_in_the_file_is_refused_by_name(bench):
     run = bench.run("torque-sweep", bench.stream(1000.0, bench.channel("torque", "motor", "input", column="T")))
     with pytest.raises(RefusedError, match="'T' is declared but not in"):
-        motor_torque(bench.model(bench.horizontal()), run, 0.0)
+        torque_input(bench.model(bench.horizontal()), run, 0.0)
 
 
 def test_torque_on_the_output_side_is_divided_by_the_ratio(bench):
     channel = bench.channel("torque", "motor", "input", np.full(100, 141.0), side="output")
-    found = motor_torque(
+    found = torque_input(
         bench.model(bench.horizontal()), bench.run("torque-sweep", bench.stream(1e3, channel)), 0.0
     )
     assert found.value(np.array([0.05])) == pytest.approx(1.0)

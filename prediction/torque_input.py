@@ -4,10 +4,13 @@ Torque itself, torque-producing current (T_e = K_t i_q), phase currents, or an a
 per volt). Of three phase currents i_k = -i_q sin(p theta - 2 pi k/3) the vector -j (2/3) sum_k i_k exp(j 2 pi k/3)
 is i_q exp(j p theta): its length is \|i_q\|, and its sign follows because p theta goes on steadily while a change of
 sign of i_q turns the vector by half a turn. One phase alone leaves the paper's envelope \|h[i_a]\| (Equation 28).
+
+Outputs are never read: the encoder that ``recordings.motor_torque`` may use is an output.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
@@ -28,7 +31,7 @@ SOURCES: tuple[Quantity, ...] = ("torque", "current", "phase-current", "voltage"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotorTorque:
+class TorqueInput:
     """T_e as a function of time [N m, motor shaft] (or the model's input unit).
 
     Attributes:
@@ -44,9 +47,9 @@ class MotorTorque:
     note: str = ""
 
 
-def motor_torque(
+def torque_input(
     model: BaseModel, run: Run, motor_angle: float, log: TorqueLog | None = None
-) -> MotorTorque | None:
+) -> TorqueInput | None:
     """T_e of ``run``, or ``None`` where it declares no motor input.
 
     Args:
@@ -73,7 +76,7 @@ def motor_torque(
 
 def _read(
     model: BaseModel, run: Run, quantity: Quantity, signals: tuple[Signal, ...], motor_angle: float, log: TorqueLog
-) -> MotorTorque:
+) -> TorqueInput:
     first = signals[0]
     note = ""
     if quantity == "torque":
@@ -81,16 +84,20 @@ def _read(
         if first.channel.side == "output":
             values = values / model.joint.get("reduction_ratio", 1.0)
     elif quantity == "current":
-        values = first.samples * _torque_constant(model, run, first)
+        values = first.samples * _peak(first) * _torque_constant(model, run, first)
     elif quantity == "voltage":
         values = first.samples
     else:
         values, note = _from_phases(model, run, signals, motor_angle)
-        values = values * _torque_constant(model, run, first)
+        values = values * _peak(first) * _torque_constant(model, run, first)
     read = undistorted(Samples(values, first.sampling_rate, first.stream.start), log)
-    return MotorTorque(
+    return TorqueInput(
         value=bandlimited(read.values, read.rate, read.start), source=quantity, rate=read.rate, note=note
     )
+
+
+def _peak(signal: Signal) -> float:
+    return math.sqrt(2.0) if signal.channel.per == "rms" else 1.0
 
 
 def _torque_constant(model: BaseModel, run: Run, signal: Signal) -> float:

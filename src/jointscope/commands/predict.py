@@ -1,0 +1,149 @@
+"""Predict what a campaign's sensors should have shown, from its inputs and an identified model.
+
+  jointscope predict out/identify/model.json bench-a --out out/predicted
+  jointscope predict out/diagnosis/model.json inputs-only --out out/predicted --declared
+
+MODEL.json comes from `jointscope identify` (the base model) or `jointscope diagnose` (with the effects it found).
+
+Only inputs are read: force, torque, phase currents, speed command, a prescribed motion, and each run's arm_angle.
+An encoder or an accelerometer is an output; where it was recorded it is used to score the prediction, never to make it.
+A run under speed control is predicted in a closed loop: the drive's law from the model follows the speed command while
+the logged torque keeps its detail. Where only the torque was logged the prediction runs open loop, and scores.json
+states the band in which its accelerations hold.
+
+DIR holds for every run
+  <run id>.csv    time [s] and one column per output channel, in the channel's unit, at its stream's rate
+                  (streams of different rates share the time column; a cell without a sample is empty)
+and, where outputs were recorded,
+  scores.json     errors per run, channel and band: RMS error, dB, FRAC, NRMSE, peak frequency and height
+  <run id>.png    recorded and predicted, in time and frequency, with the band that the parameters' uncertainty leaves
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jointscope.prediction.base_model import ChannelPrediction, RunPrediction
+    from jointscope.prediction.run_scores import ChannelScore
+    from jointscope.recordings.campaign import Campaign
+
+MOST_PICTURES = 12
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("model", type=Path, help="model.json of identify or diagnose")
+    parser.add_argument("campaign", type=Path, help="folder with campaign.toml")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write")
+    parser.add_argument(
+        "--declared", action="store_true", help="also predict output channels that are declared but not recorded"
+    )
+    parser.add_argument("--no-pictures", action="store_true", help="write CSV and scores only")
+    parser.add_argument("--json", action="store_true", help="print scores.json instead of the table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Predict every run; the exit code is 0."""
+    from jointscope.atomic import write_text
+    from jointscope.prediction.files import scores_json, write_run
+    from jointscope.prediction.run_scores import score_run
+    from jointscope.recordings.reader import read_campaign
+
+    campaign = read_campaign(options.campaign)
+    predictions = _predicted(options.model, campaign, options.declared)
+    options.out.mkdir(parents=True, exist_ok=True)
+    scores = {}
+    for prediction in predictions:
+        write_run(options.out, prediction.run.id, prediction.channels)
+        scores[prediction.run.id] = score_run(prediction)
+    content = scores_json(predictions, scores)
+    import json
+
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    if any(scores.values()):
+        write_text(options.out / "scores.json", text)
+        if not options.no_pictures:
+            _draw(options.out, predictions, scores)
+    print(text if options.json else _table(predictions, scores, options.out), end="")
+    return 0
+
+
+def _predicted(model: Path, campaign: Campaign, declared: bool) -> list[RunPrediction]:
+    """Dispatch on the model's kind: the base model here, anything richer in the room that wrote it."""
+    import json
+
+    from jointscope.errors import InputError
+    from jointscope.prediction.base_model import outputs_of, predict_campaign
+    from jointscope.progress import track
+
+    try:
+        content = json.loads(model.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            model, None, "no such file", fix="write one with: jointscope identify CAMPAIGN --out DIR"
+        ) from None
+    except ValueError as problem:
+        raise InputError(model, None, f"not JSON: {problem}") from None
+    kind = content.get("kind", "base") if isinstance(content, dict) else "base"
+    if kind == "base":
+        from jointscope.identification.model_file import read_model
+
+        made = predict_campaign(read_model(model), campaign, declared=declared)
+        return list(track(made, "predict", len(campaign.runs)))
+    from jointscope.diagnosis.predict_file import predict_campaign as predict_diagnosis
+
+    wanted = {run.id: {id(s.channel) for s in outputs_of(run, declared=declared)} for run in campaign.runs}
+    by_run = predict_diagnosis(content, campaign)
+    return [_wrapped(run, by_run.get(run.id, []), wanted[run.id]) for run in campaign.runs]
+
+
+def _wrapped(run: object, pairs: list, wanted: set[int]) -> RunPrediction:  # type: ignore[type-arg]
+    from jointscope.prediction.base_model import ChannelPrediction, RunPrediction, channel_times
+
+    channels: list[ChannelPrediction] = [
+        ChannelPrediction(signal, channel_times(signal, run), values)  # type: ignore[arg-type]
+        for signal, values in pairs
+        if id(signal.channel) in wanted
+    ]
+    return RunPrediction(
+        run=run,  # type: ignore[arg-type]
+        channels=tuple(channels),
+        closed_loop=bool(run.select("speed-command", role="input")),  # type: ignore[attr-defined]
+        legitimate=(0.0, 0.5 * min((c.signal.sampling_rate for c in channels), default=0.0)),
+    )
+
+
+def _draw(out: Path, predictions: list[RunPrediction], scores: dict[str, tuple[ChannelScore, ...]]) -> None:
+    from jointscope.experiments.figures_prediction import run_figure
+    from jointscope.progress import track
+
+    scored = [prediction for prediction in predictions if scores[prediction.run.id]][:MOST_PICTURES]
+    for prediction in track(scored, "pictures", len(scored)):
+        run_figure(out / f"{prediction.run.id}.png", prediction, scores[prediction.run.id])
+
+
+def _table(predictions: list[RunPrediction], scores: dict[str, tuple[ChannelScore, ...]], out: Path) -> str:
+    from jointscope.prediction.files import mean_errors
+
+    lines = []
+    head = (
+        f"{'run':20} {'channel':16} {'error':>8}  {'band':>10} {'median':>9} {'bias':>9} {'FRAC':>7} {'NRMSE':>7}"
+    )
+    if any(scores.values()):
+        lines += [head, f"{'':20} {'':16} {'-':>8}  {'Hz':>10} {'dB':>9} {'dB':>9} {'-':>7} {'-':>7}"]
+    for prediction in predictions:
+        for score in scores[prediction.run.id]:
+            start = f"{prediction.run.id[:20]:20} {score.column[:16]:16} {score.error:8.4f}"
+            rows = [
+                f"  {f'{b.low:g}-{b.high:g}':>10} {b.median_error:9.3f} {b.bias:+9.3f} {b.frac:7.4f} {b.nrmse:7.4f}"
+                for b in score.bands
+            ] or [""]
+            lines += [start + rows[0], *(" " * 46 + row for row in rows[1:])]
+        lines += [f"{prediction.run.id[:20]:20} note: {note}" for note in prediction.notes]
+    for experiment, error in mean_errors(predictions, scores).items():
+        lines.append(f"mean error over {experiment} runs: {error:.4f} (RMS of the difference over RMS recorded)")
+    lines.append(f"{len(predictions)} runs predicted; see {out}")
+    return "\n".join(lines) + "\n"
