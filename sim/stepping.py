@@ -111,7 +111,9 @@ def machine(spec: mujoco.MjSpec, timestep: float = TIMESTEP, held: float = 0.0) 
         inputs={model.actuator(i).name: i for i in range(model.nu)},
         outputs=outputs,
         velocities=frozenset(
-            model.sensor(i).name for i in range(model.nsensor) if model.sensor_type[i] in _VELOCITIES
+            model.sensor(i).name
+            for i in range(model.nsensor)
+            if mujoco.mjtSensor(int(model.sensor_type[i])) in _VELOCITIES
         ),
         held=held,
     )

@@ -61,7 +61,7 @@ def _response(transfer: Complex, drive: Array, grid: Grid) -> Array:
     return np.asarray(answer[..., : int(RECORD * RATE)])
 
 
-def _band_rms(response: Array, band: tuple[float, float]) -> Array:
+def band_rms(response: Array, band: tuple[float, float]) -> Array:
     spectrum = np.fft.rfft(response) / response.shape[-1]
     f = np.fft.rfftfreq(response.shape[-1], 1.0 / RATE)
     inside = (f >= band[0]) & (f <= band[1])
@@ -109,8 +109,8 @@ def evaluate(nominal: Joint, names: tuple[str, ...], values: Array) -> dict[str,
         "antiresonance": (np.sqrt(p["stiffness"] / p["load_inertia"]) / two_pi)[:, 0],
         "resonance": (np.sqrt(p["stiffness"] * (1.0 / J_M + 1.0 / p["load_inertia"])) / two_pi)[:, 0],
         "hammer_peak": np.max(np.abs(hit), axis=-1),
-        "hammer_band_rms": _band_rms(hit, HAMMER_BAND),
+        "hammer_band_rms": band_rms(hit, HAMMER_BAND),
         "sweep_peak": np.max(np.abs(swept), axis=-1),
-        "sweep_band_rms": _band_rms(swept, SWEEP_BAND),
+        "sweep_band_rms": band_rms(swept, SWEEP_BAND),
         "prediction_error": np.sqrt(np.mean((20.0 * np.log10(ratio)) ** 2, axis=-1)),
     }
