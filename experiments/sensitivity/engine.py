@@ -15,19 +15,19 @@ from jointscope.sim.stepping import Machine, machine, stack_inputs, step
 
 Array = NDArray[np.float64]
 
-TIMESTEP = 1.0 / (16 * outputs.RATE)  # [s]; every 16th step is a sample, so nothing is interpolated
+RATE = 16384.0  # [Hz], of the stepping; both sampling rates divide it, so nothing is interpolated
 
 
-def _arm_acceleration(model: Machine, actuator: str, drive: Array) -> Array:
+def _arm_acceleration(model: Machine, actuator: str, drive: Array, rate: float) -> Array:
     trace = step(model, np.zeros(model.model.nq), stack_inputs(model, {actuator: drive}, len(drive)))
-    return outputs.ACCELEROMETER_RADIUS * trace.signals["arm acceleration"][::16]
+    return outputs.ACCELEROMETER_RADIUS * trace.signals["arm acceleration"][:: int(RATE / rate)]
 
 
 def evaluate_mujoco(nominal: Joint, names: tuple[str, ...], values: Array) -> dict[str, Array]:
     """As ``outputs.evaluate``, with the accelerations stepped by MuJoCo (no gravity, as in the closed form)."""
     table = outputs.evaluate(nominal, names, values)
-    times = np.arange(int(outputs.RECORD / TIMESTEP)) * TIMESTEP
-    force, torque = outputs.hammer_force(times), outputs.sweep_torque(times)
+    force = outputs.hammer_force(np.arange(int(outputs.HAMMER_RECORD * RATE)) / RATE)
+    torque = outputs.sweep_torque(np.arange(int(outputs.SWEEP_RECORD * RATE)) / RATE)
     hits, sweeps = [], []
     for row in values:
         joint = replace(nominal, **dict(zip(names, (float(value) for value in row), strict=True)))
@@ -35,12 +35,12 @@ def evaluate_mujoco(nominal: Joint, names: tuple[str, ...], values: Array) -> di
             paper_rig(), joint=joint, gravity=0.0, arm_com_radius=0.0, hammer_radius=outputs.HAMMER_RADIUS
         )
         spec = rig_spec(rig)
-        hits.append(_arm_acceleration(machine(brake(spec, 0.0), TIMESTEP), "hammer", force))
-        sweeps.append(_arm_acceleration(machine(spec, TIMESTEP), "motor", torque))
+        hits.append(_arm_acceleration(machine(brake(spec, 0.0), 1 / RATE), "hammer", force, outputs.HAMMER_RATE))
+        sweeps.append(_arm_acceleration(machine(spec, 1 / RATE), "motor", torque, outputs.SWEEP_RATE))
     hit, swept = np.array(hits), np.array(sweeps)
     return table | {
         "hammer_peak": np.max(np.abs(hit), axis=-1),
-        "hammer_band_rms": outputs.band_rms(hit, outputs.HAMMER_BAND),
+        "hammer_band_rms": outputs.band_rms(hit, outputs.HAMMER_RATE, outputs.HAMMER_BAND),
         "sweep_peak": np.max(np.abs(swept), axis=-1),
-        "sweep_band_rms": outputs.band_rms(swept, outputs.SWEEP_BAND),
+        "sweep_band_rms": outputs.band_rms(swept, outputs.SWEEP_RATE, outputs.SWEEP_BAND),
     }

@@ -72,7 +72,8 @@ def run_study(path: Path, out: Path, *, workers: int, scheduler: str | None, as_
     indices = analysis.analyse(study, sample, table)
     low, middle, high = np.quantile(table, (0.05, 0.5, 0.95), axis=0)
     spread = {
-        name: (float(low[column]), float(middle[column]), float(high[column])) for column, name in enumerate(OUTPUTS)
+        name: (float(low[column]), float(middle[column]), float(high[column]))
+        for column, name in enumerate(OUTPUTS)
     }
     result = {
         "format": "jointscope-sensitivity-result/1",

@@ -46,9 +46,9 @@ def test_frequencies_have_elasticity_one_half_in_stiffness_and_nothing_in_effici
 
 def test_a_damped_transform_has_no_periodic_images():
     """The hit's response starts at rest and rings down at zeta w of the analytic oscillator."""
-    grid = outputs._grid()
+    grid = outputs.damped_grid(1024.0, 3.0)
     p = {key: np.array([[float(getattr(JOINT, key))]]) for key in type(JOINT).__dataclass_fields__}
-    hit = outputs._response(outputs.transfers(p, grid.s)[0], outputs.hammer_force(grid.times), grid)[0]
+    hit = outputs.response(outputs.transfers(p, grid.s)[0], outputs.hammer_force(grid.times), grid)[0]
     decay = (JOINT.damping + JOINT.load_damping) / (2.0 * JOINT.load_inertia)
     early, late = (np.sqrt(np.mean(hit[at : at + 256] ** 2)) for at in (100, 612))
     assert late / early == pytest.approx(np.exp(-decay * 0.5), rel=0.02)
