@@ -1,0 +1,201 @@
+"""Which hypothesis the recordings carry: evidence on the fitted runs, prediction of the held-out ones, materiality.
+
+All hypotheses are judged by one noise model, that of the best one's residual, so that structured misfit which no
+hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stands over its parent only where it
+ - is real: its likelihood gain exceeds the parameters' Occam cost and a margin for the number of candidates tried,
+ - carries over: runs that were not fitted gain in proportion, and not by one run alone,
+ - is material: it moves some channel by more than a stated share of that channel's signal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.base import Stage, rewhiten
+from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
+from jointscope.diagnosis.objective import Objective, Predictions, whitened
+from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.search import Hypothesis, profile_loss
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import PreparedRun
+
+Vector = NDArray[np.float64]
+
+REAL = 8.0  # nats beyond the Occam cost, ~ ln of the candidates tried plus odds of 20 to 1
+CARRIES_OVER = 0.35  # held-out gain per sample over fitted gain per sample
+MATERIAL = 0.004  # RMS of the change over RMS of the signal, in the channel that shows it most
+PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
+POLISHED = 4  # leading hypotheses that are refitted under the final noise
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A hypothesis with its evidence under the common noise model.
+
+    Attributes:
+        chi2: w'w over the fitted runs.
+        held_out: w'w of every held-out run, shape (n_held,).
+        samples_held: Scored samples of each.
+        occam: k/2 ln(nu) of its effects' parameters [nats].
+        predictions: Of the fitted runs.
+        predictions_held: Of the held-out runs.
+    """
+
+    hypothesis: Hypothesis
+    chi2: float
+    held_out: Vector
+    occam: float
+    predictions: Predictions
+    predictions_held: Predictions
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """``effect@location``, sorted; empty for the base."""
+        return self.hypothesis.names
+
+    @property
+    def fit(self) -> Fit:
+        """The fit under the common noise."""
+        return self.hypothesis.fit
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A child against a parent.
+
+    Attributes:
+        gain: Likelihood gain on the fitted runs net of Occam [nats].
+        held_gain: On the held-out runs [nats]; ``nan`` without any.
+        expected_held: What the fitted gain would make of it in proportion to the samples [nats].
+        share_of_runs: Held-out runs that gain.
+        material: Largest RMS change over RMS signal over channels and experiments [-].
+    """
+
+    gain: float
+    held_gain: float
+    expected_held: float
+    share_of_runs: float
+    material: float
+
+    @property
+    def real(self) -> bool:
+        """Beyond chance on the fitted runs."""
+        return self.gain > REAL
+
+    @property
+    def carries_over(self) -> bool:
+        """Held-out runs agree; vacuous without any."""
+        if math.isnan(self.held_gain):
+            return True
+        return self.held_gain > max(2.0, CARRIES_OVER * self.expected_held) and self.share_of_runs >= 0.5
+
+    @property
+    def stands(self) -> bool:
+        """Real, carried over and material."""
+        return self.real and self.carries_over and self.material > MATERIAL
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """All hypotheses under one noise model, the base first.
+
+    Attributes:
+        objective: The fitted runs, whitened.
+        held: The held-out runs, whitened likewise.
+    """
+
+    judged: tuple[Judged, ...]
+    objective: Objective
+    held: Objective
+    noise: NoiseModel
+
+    @property
+    def base(self) -> Judged:
+        """The base alone."""
+        return self.judged[0]
+
+
+def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, ...]) -> Judgement:
+    """Put the base and every hypothesis on the noise of the best, polish the leading ones, predict the held-out runs."""
+    base = Hypothesis((), stage.fit, profile_loss(stage.objective, stage.fit.w))
+    ordered = sorted(hypotheses, key=lambda h: h.loss)
+    best = ordered[0] if ordered and ordered[0].loss < base.loss else base
+    objective, noise, predictions = rewhiten(stage.objective, best.fit, stage.noise, MAX_ORDER)
+    held = replace(objective, runs=held_runs, whiteners=())
+    held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
+    judged = []
+    for rank, hypothesis in enumerate([base, *ordered]):
+        if rank <= POLISHED:
+            fit = least_squares(objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=6)
+            hypothesis = replace(hypothesis, fit=fit)
+        judged.append(_evidence(hypothesis, objective, held))
+    return Judgement(tuple(judged), objective, held, noise)
+
+
+def _evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
+    theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
+    predictions = objective.predictions(theta, effects)
+    w = np.concatenate([objective.whiten_run(i, p) for i, p in enumerate(predictions)])
+    held_predictions = held.predictions(theta, effects)
+    held_chi2 = np.array([float(np.sum(np.square(held.whiten_run(i, p)))) for i, p in enumerate(held_predictions)])
+    k = hypothesis.fit.coordinates.n - hypothesis.fit.coordinates.n_base
+    return Judged(
+        hypothesis, float(w @ w), held_chi2, 0.5 * k * math.log(max(len(w), 2)), predictions, held_predictions
+    )
+
+
+def change(runs: Sequence[PreparedRun], one: Predictions, other: Predictions) -> float:
+    """Largest RMS difference of two predictions over RMS signal, pooled over runs of one experiment and channel [-]."""
+    pooled: dict[tuple[object, ...], list[float]] = {}
+    for run, a, b in zip(runs, one, other, strict=True):
+        for output, ya, yb in zip(run.outputs, a, b, strict=True):
+            key = (run.run.experiment, output.quantity, output.location, output.direction)
+            total = pooled.setdefault(key, [0.0, 0.0])
+            difference = (ya - yb)[output.mask]
+            total[0] += float(difference @ difference)
+            total[1] += dynamic_level(output) ** 2 * len(difference)
+    return max((math.sqrt(d / s) for d, s in pooled.values() if s > 0.0), default=0.0)
+
+
+def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
+    """The child's case against the parent."""
+    samples = max(len(parent.fit.w), 1)
+    overdispersion = max(1.0, min(parent.chi2, child.chi2) / samples)
+    raw = 0.5 * (parent.chi2 - child.chi2) / overdispersion
+    runs = (*judgement.objective.prepared, *judgement.held.prepared)
+    material = change(runs, (*parent.predictions, *parent.predictions_held), (*child.predictions, *child.predictions_held))
+    if child.held_out.size == 0:
+        return Comparison(raw - child.occam + parent.occam, math.nan, math.nan, math.nan, material)
+    held = 0.5 * (parent.held_out - child.held_out) / overdispersion
+    sizes = sum(sum(w.sizes) for w in judgement.held.whiteners)
+    return Comparison(
+        raw - child.occam + parent.occam,
+        float(np.sum(held)),
+        raw * sizes / samples,
+        float(np.mean(held > 0.0)),
+        material,
+    )
+
+
+def score(judgement: Judgement, candidate: Judged) -> float:
+    """ln evidence relative to the base: fitted gain net of Occam, held-out gain, prior of the number of effects [nats]."""
+    against = compare(judgement, judgement.base, candidate)
+    held = 0.0 if math.isnan(against.held_gain) else against.held_gain
+    return against.gain + held + PRIOR_SIZE[min(len(candidate.names), 3)]
+
+
+def standing(judgement: Judgement) -> list[Judged]:
+    """Hypotheses that stand over the base and over every fitted part of themselves, best score first."""
+    found = []
+    for child in judgement.judged[1:]:
+        parts = [p for p in judgement.judged if set(p.names) < set(child.names)]
+        if parts and all(compare(judgement, part, child).stands for part in parts):
+            found.append(child)
+    return sorted(found, key=lambda j: -score(judgement, j))

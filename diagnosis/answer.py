@@ -1,0 +1,224 @@
+"""``diagnosis.json`` (format ``jointscope-diagnosis/1``) from a diagnosis, as plain data."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointscope.diagnosis.adjudicate import Comparison, Judged
+from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
+from jointscope.diagnosis.intervals import Estimate, estimates
+from jointscope.diagnosis.refit import with_fresh_jacobian
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.pipeline import Diagnosis
+    from jointscope.diagnosis.prepare import Problem
+
+FORMAT = "jointscope-diagnosis/1"
+PUBLIC = {"load_inertia": "inertia"}  # base parameter -> key of the contract
+REFERENCES = {
+    "stiffness": "stiffness_reference",
+    "load_inertia": "inertia_reference",
+    "damping": "damping_reference",
+    "motor_damping": "motor_damping",
+    "load_damping": "load_damping",
+}
+ROTATIONAL = {
+    "stiffness": "N m/rad", "damping": "N m s/rad", "load_inertia": "kg m^2", "motor_inertia": "kg m^2",
+    "motor_damping": "N m s/rad", "load_damping": "N m s/rad", "gravity_moment": "N m", "efficiency": "1",
+    "torque_scale": "1", "drive_gain": "N m s/rad", "drive_integral": "N m/rad",
+}  # fmt: skip
+TRANSLATIONAL = {
+    "stiffness": "N/m", "damping": "N s/m", "load_inertia": "kg", "motor_inertia": "kg", "motor_damping": "N s/m",
+    "load_damping": "N s/m", "gravity_moment": "N", "efficiency": "1", "torque_scale": "1", "drive_gain": "N s/m",
+    "drive_integral": "N/m",
+}  # fmt: skip
+SHIFTED = 3.0  # sigma beyond which a rough value is said to have been off
+
+
+def number(value: float) -> float | None:
+    """A finite number, or null."""
+    return float(value) if math.isfinite(value) else None
+
+
+def as_parameter(estimate: Estimate, unit: str) -> dict[str, Any]:
+    """``{value, unit, interval95}``."""
+    return {
+        "value": number(estimate.value),
+        "unit": unit,
+        "interval95": [number(estimate.low), number(estimate.high)],
+    }
+
+
+def units_of(problem: Problem) -> dict[str, str]:
+    """Units of the base parameters; per unit of the input where no torque is calibrated."""
+    table = ROTATIONAL if problem.rig.motion == "rotational" else TRANSLATIONAL
+    if problem.torque_calibrated:
+        return dict(table)
+    return {name: unit if unit == "1" else f"{unit} per unit of input" for name, unit in table.items()}
+
+
+def base_parameters(problem: Problem, judged: Judged, all_estimates: tuple[Estimate, ...]) -> dict[str, Any]:
+    """``parameters``: the joint's own, nuisances left out, merged ones under the name of their sum."""
+    units, base = units_of(problem), problem.base
+    found = {}
+    for position, index in enumerate(judged.fit.coordinates.free):
+        name = base.names[index]
+        if base.nuisance[index]:
+            continue
+        key = base.merged.get(name, PUBLIC.get(name, name))
+        found[key] = as_parameter(all_estimates[position], units.get(name, "1"))
+    return found
+
+
+def parameter_shift(problem: Problem, judged: Judged, all_estimates: tuple[Estimate, ...]) -> dict[str, Any]:
+    """Rough nameplate values that the recordings contradict by more than three sigma."""
+    found = {}
+    for position, index in enumerate(judged.fit.coordinates.free):
+        name = problem.base.names[index]
+        reference = getattr(problem.rig, REFERENCES.get(name, ""), None) if name in REFERENCES else None
+        if reference is None or problem.base.nuisance[index] or name in problem.base.merged:
+            continue
+        estimate = all_estimates[position]
+        if estimate.sigma > 0.0 and abs(estimate.value - reference) > SHIFTED * estimate.sigma:
+            found[PUBLIC.get(name, name)] = {
+                "nameplate": float(reference),
+                "fitted": estimate.value,
+                "sigma": estimate.sigma,
+            }
+    return found
+
+
+def effects_json(judged: Judged, all_estimates: tuple[Estimate, ...], probability: dict[str, float]) -> list[dict[str, Any]]:
+    """``effects``: name, location, probability, parameters and a sentence, most certain first."""
+    where = judged.fit.coordinates
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    for spec, piece in zip(where.effects, where.effect_slices(), strict=True):
+        name = f"{spec.name}@{spec.location}"
+        parameters = {
+            p.name: as_parameter(all_estimates[i], p.unit)
+            for p, i in zip(spec.parameters, range(piece.start, piece.stop), strict=True)
+        }
+        entry = found.setdefault(
+            (spec.name, spec.location),
+            {
+                "effect": spec.name,
+                "location": spec.location,
+                "probability": probability.get(name, 0.0),
+                "parameters": {},
+                "law": spec.variant,
+                "evidence": "",
+            },
+        )
+        entry["parameters"] = {**parameters, **entry["parameters"]}
+    return sorted(found.values(), key=lambda e: (-e["probability"], e["effect"], e["location"]))
+
+
+def evidence_text(comparison: Comparison, base: float, augmented: float, runs: int) -> str:
+    """A sentence or two that a lab engineer can check."""
+    text = (
+        f"Against the refitted base model the likelihood of the fitted runs rises by {comparison.gain:.0f} nats net of the "
+        f"added parameters, and some channel's prediction changes by {100 * comparison.material:.1f} % of its signal."
+    )
+    if runs and math.isfinite(base):
+        text += (
+            f" On {runs} held-out run{'s' if runs > 1 else ''}, predicted from inputs alone, the mean relative error goes "
+            f"from {base:.4f} to {augmented:.4f}; {100 * comparison.share_of_runs:.0f} % of these runs improve."
+        )
+    return text
+
+
+def held_out_json(
+    problem: Problem, free: Free, diagnosis: Diagnosis
+) -> tuple[dict[str, Any] | None, tuple[ChannelError, ...]]:
+    """``held_out``, or ``None`` where no run was kept back."""
+    held = diagnosis.split.held_out
+    if not held:
+        return None, ()
+    judgement, chosen = diagnosis.judgement, diagnosis.decision.chosen
+    noise = judgement.noise
+    base_theta, none = judgement.base.fit.coordinates.unpack(judgement.base.fit.x)
+    theta, effects = chosen.fit.coordinates.unpack(chosen.fit.x)
+    base = channel_errors(problem, free, held, base_theta, none, noise)
+    augmented = channel_errors(problem, free, held, theta, effects, noise) if effects else base
+    return {
+        "runs": sorted(problem.runs[i].run.id for i in held),
+        "base_error": number(mean_error(base)),
+        "augmented_error": number(mean_error(augmented)),
+        "noise_floor": number(mean_floor(augmented)),
+        "by_experiment": {"base": grouped(base), "augmented": grouped(augmented)},
+    }, augmented
+
+
+def marginal(diagnosis: Diagnosis) -> dict[str, float]:
+    """Probability of each effect: the sum over the sets that hold it."""
+    total: dict[str, float] = {}
+    for ranked in diagnosis.decision.ranking:
+        for name in ranked.names:
+            total[name] = total.get(name, 0.0) + ranked.probability
+    return total
+
+
+def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
+    """The whole answer."""
+    problem, decision, judgement = diagnosis.problem, diagnosis.decision, diagnosis.judgement
+    chosen = decision.chosen
+    fit = with_fresh_jacobian(judgement.objective, chosen.fit)
+    found = estimates(judgement.objective, fit)
+    held_out, _ = held_out_json(problem, free, diagnosis)
+    comparison = next((r.comparison for r in decision.ranking if r.names == chosen.names), None)
+    effects = effects_json(chosen, found, marginal(diagnosis)) if decision.verdict == "effects" else []
+    if comparison is not None:
+        base_error = held_out["base_error"] if held_out else math.nan
+        augmented = held_out["augmented_error"] if held_out else math.nan
+        runs = len(diagnosis.split.held_out)
+        text = evidence_text(
+            comparison, math.nan if base_error is None else base_error, math.nan if augmented is None else augmented, runs
+        )
+        if held_out is None:
+            text = "A candidate only, since nothing could be held out. " + text
+        for effect in effects:
+            effect["evidence"] = text
+    answer: dict[str, Any] = {
+        "format": FORMAT,
+        "verdict": decision.verdict,
+        "effects": effects,
+        "ranking": [
+            {"effects": list(r.names), "probability": round(r.probability, 6), "score": round(r.score, 3)}
+            for r in decision.ranking[:20]
+        ],
+        "where": None,
+        "held_out": held_out,
+        "parameters": base_parameters(problem, chosen, found),
+        "verdict_probability": round(decision.probability, 4),
+        "unknown_reason": decision.unknown_reason,
+        "parameter_shift": parameter_shift(problem, chosen, found),
+        "next_experiment": None,
+        "noise": {
+            "hit_gain": judgement.noise.gain,
+            "hit_timing_s": judgement.noise.timing,
+            "base_converged": diagnosis.stage.fit.converged,
+            "base_gradient_ratio": number(diagnosis.stage.fit.gradient_ratio),
+        },
+        "findings": list(problem.findings),
+    }
+    if decision.candidates:
+        answer["candidates"] = [list(names) for names in decision.candidates]
+    if held_out is None:
+        answer["held_out_reason"] = diagnosis.split.reason
+    return answer
+
+
+def finite_or_none(value: Any) -> Any:  # noqa: ANN401 - JSON is any
+    """Numpy scalars to plain numbers, non-finite ones to null, throughout."""
+    if isinstance(value, dict):
+        return {str(k): finite_or_none(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite_or_none(v) for v in value]
+    if isinstance(value, (np.floating, float)):
+        return number(float(value))
+    if isinstance(value, np.integer):
+        return int(value)
+    return value

@@ -1,0 +1,109 @@
+"""The base model refitted to a converged optimum, with the noise that it leaves: "the parameters were off" comes first."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointscope.diagnosis.coordinates import Coordinates, coordinates
+from jointscope.diagnosis.noise import NoiseModel, white
+from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
+from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.split import content_order, level
+from jointscope.diagnosis.whiten import estimate_noise
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import PreparedRun, Problem
+
+EARLY_ORDER = 4  # of the noise filter while a mismatch may still stand in the residual
+POOR = 0.3  # residual over signal above which other starting stiffnesses are tried
+STIFFNESS_STARTS = (0.8, 0.9, 1.12, 1.25)
+FEW = 3  # runs per experiment in the first, coarse fit
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A fitted hypothesis together with the noise it was judged by.
+
+    Attributes:
+        objective: Whitened with ``noise``.
+        predictions: Of ``objective.runs`` at the optimum.
+    """
+
+    objective: Objective
+    fit: Fit
+    noise: NoiseModel
+    predictions: Predictions
+
+
+def representative(problem: Problem, positions: tuple[int, ...], per_experiment: int) -> tuple[int, ...]:
+    """Positions that span the levels of every experiment, at most ``per_experiment`` each."""
+    strata: dict[tuple[str, bool], list[int]] = {}
+    for i in content_order(problem.runs):
+        if i in positions:
+            run = problem.runs[i]
+            strata.setdefault((run.run.experiment, run.run.brake), []).append(i)
+    chosen: list[int] = []
+    for members in strata.values():
+        members = sorted(members, key=lambda i: (level(problem.runs[i]), members.index(i)))
+        count = min(per_experiment, len(members))
+        chosen.extend(members[round(j)] for j in np.linspace(0, len(members) - 1, count))
+    return tuple(i for i in positions if i in chosen)
+
+
+def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:
+    """Median over runs and outputs of RMS(residual) / RMS(data about its median) [-]."""
+    ratios = []
+    for run, predicted in zip(runs, predictions, strict=True):
+        for output, y in zip(run.outputs, predicted, strict=True):
+            data = output.data[output.mask]
+            size = float(np.std(data))
+            if size > 0.0:
+                error = data - y[output.mask]
+                ratios.append(float(np.sqrt(np.mean(np.square(error)))) / size if np.all(np.isfinite(y)) else np.inf)
+    return float(np.median(ratios)) if ratios else 0.0
+
+
+def _coarse(objective: Objective, where: Coordinates) -> Fit:
+    """From the prepared start, and from other stiffnesses where that ends far from the data."""
+    x = where.pack(where.start, ())
+    best = least_squares(objective, where, x, iterations=15, tolerance=1e-2)
+    theta, _ = where.unpack(best.x)
+    if relative_misfit(objective.prepared, objective.predictions(theta, ())) < POOR:
+        return best
+    names = [objective.problem.base.names[i] for i in where.free]
+    if "stiffness" not in names:
+        return best
+    k = names.index("stiffness")
+    for factor in STIFFNESS_STARTS:
+        moved = x.copy()
+        moved[k] *= factor
+        other = least_squares(objective, where, moved, iterations=15, tolerance=1e-2)
+        if other.chi2 < best.chi2 * (1.0 - 1e-6):
+            best = other
+    return best
+
+
+def rewhiten(objective: Objective, fit: Fit, before: NoiseModel, max_order: int) -> tuple[Objective, NoiseModel, Predictions]:
+    """Noise from what ``fit`` leaves, and the objective whitened by it."""
+    predictions = objective.predictions(*fit.coordinates.unpack(fit.x))
+    noise = estimate_noise(objective.prepared, predictions, before, max_order)
+    return whitened(objective, noise, predictions), noise, predictions
+
+
+def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: ThreadPoolExecutor) -> Stage:
+    """Fit the base to ``runs``, its noise and its parameters in turn."""
+    where = coordinates(problem)
+    objective = Objective(problem, predict, runs, pool)
+    noise = white(objective.prepared)
+    few = replace(objective, runs=representative(problem, runs, FEW))
+    fit = _coarse(whitened(few, noise, None), where)
+    objective, noise, _ = rewhiten(objective, fit, noise, EARLY_ORDER)
+    fit = least_squares(objective, where, fit.x, iterations=10, tolerance=1e-3)
+    objective, noise, _ = rewhiten(objective, fit, noise, EARLY_ORDER)
+    fit = least_squares(objective, where, fit.x, iterations=15)
+    predictions = objective.predictions(*where.unpack(fit.x))
+    return Stage(objective, fit, noise, predictions)

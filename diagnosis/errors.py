@@ -1,0 +1,121 @@
+"""The contract's errors on held-out runs: inputs-only prediction against the recording, per experiment and channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
+from jointscope.diagnosis.whiten import is_hit
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+
+
+class Free(Protocol):
+    """Inputs-only prediction of every declared channel of a run."""
+
+    def __call__(
+        self, run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem
+    ) -> tuple[Vector, ...]:
+        """One array per ``run.declared``."""
+        ...
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """One channel of one run [-].
+
+    Attributes:
+        error: RMS(recorded - predicted) over RMS(recorded), or over RMS(recorded - first value) for angles.
+        floor: The same for a perfect model; ``nan`` where it is not known.
+    """
+
+    run: str
+    experiment: str
+    channel: str
+    error: float
+    floor: float
+
+
+def rms(x: Vector) -> float:
+    """Root of the mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(np.square(x)))) if x.size else 0.0
+
+
+def relative_error(quantity: str, recorded: Vector, predicted: Vector) -> float:
+    """The contract's error of one channel [-]; ``nan`` for a silent one."""
+    reference = rms(recorded - recorded[0]) if quantity in ANGULAR else rms(recorded)
+    if reference == 0.0:
+        return float("nan")
+    return rms(recorded - predicted) / reference
+
+
+def floor_of(run: PreparedRun, output: Output, noise: NoiseModel, predicted: Vector) -> float:
+    """RMS of what a perfect model leaves: the block's noise and, for hits, gain and timing scatter [output's unit]."""
+    block = noise.blocks.get(block_key(run, output))
+    if block is None:
+        return float("nan")
+    variance = block.marginal**2
+    if is_hit(run):
+        departure = predicted - predicted[0]
+        variance += (noise.gain * rms(departure)) ** 2 + (noise.timing * rms(np.gradient(departure) * output.rate)) ** 2
+    return float(np.sqrt(variance))
+
+
+def channel_errors(
+    problem: Problem,
+    free: Free,
+    runs: Sequence[int],
+    theta: Vector,
+    effects: tuple[ActiveEffect, ...],
+    noise: NoiseModel,
+) -> tuple[ChannelError, ...]:
+    """Errors of every recorded output channel of ``runs`` (positions in ``problem.runs``)."""
+    found = []
+    for position in runs:
+        run = problem.runs[position]
+        for output, predicted in zip(run.declared, free(run, theta, effects, problem), strict=True):
+            channel = run.run.streams[output.channel[0]].channels[output.channel[1]]
+            if channel.samples is None:
+                continue
+            recorded = np.asarray(channel.samples, dtype=np.float64)
+            scored = np.isfinite(recorded)
+            if output.mask.size == recorded.size and np.any(output.mask):
+                scored &= output.mask
+            error = relative_error(output.quantity, recorded[scored], np.asarray(predicted)[scored])
+            reference = rms(recorded[scored] - recorded[scored][0]) if output.quantity in ANGULAR else rms(recorded[scored])
+            floor = floor_of(run, output, noise, np.asarray(predicted)) / reference if reference > 0.0 else float("nan")
+            label = f"{output.quantity}@{output.location}"
+            found.append(ChannelError(run.run.id, run.run.experiment, label, error, floor))
+    return tuple(found)
+
+
+def mean_error(errors: Sequence[ChannelError]) -> float:
+    """Mean over runs' channels, each weighted the same; a diverged prediction counts as 100."""
+    values = [min(e.error, 100.0) if np.isfinite(e.error) else 100.0 for e in errors if not np.isnan(e.error)]
+    return float(np.mean(values)) if values else float("nan")
+
+
+def mean_floor(errors: Sequence[ChannelError]) -> float:
+    """The same of the floors."""
+    values = [e.floor for e in errors if np.isfinite(e.floor)]
+    return float(np.mean(values)) if values else float("nan")
+
+
+def grouped(errors: Sequence[ChannelError]) -> dict[str, dict[str, float]]:
+    """Mean error per experiment and channel."""
+    table: dict[str, dict[str, list[ChannelError]]] = {}
+    for e in errors:
+        table.setdefault(e.experiment, {}).setdefault(e.channel, []).append(e)
+    return {
+        experiment: {channel: mean_error(members) for channel, members in sorted(channels.items())}
+        for experiment, channels in sorted(table.items())
+    }

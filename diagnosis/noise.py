@@ -1,0 +1,206 @@
+"""The noise of each kind of channel, estimated from what a model leaves: coloured, level-dependent, never white alone.
+
+The residual of output j in a run is r = d e. e is an autoregressive process of order <= 12 (BIC); d grows with the
+signal's envelope, d^2 = 1 + (kappa env / sigma)^2, so that what a law of the right name but the wrong form leaves
+behind counts as relative error and not as a thousand sigma of sensor noise. On top of it hits scatter in gain and in
+timing: that part is per run, of rank two, and lives in ``whiten``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.ndimage import uniform_filter1d
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import Output, PreparedRun
+
+Vector = NDArray[np.float64]
+Key = tuple[object, ...]
+
+MAX_ORDER = 12
+RELATIVE_FLOOR = 1e-3  # of a signal's rms: no instrument chain is modelled more closely than this
+ENVELOPE_WINDOW = 0.05  # s
+GAIN_BOUNDS = (0.002, 0.05)  # standard deviation of a hit's gain [-]
+TIMING_BOUNDS = (3e-6, 2e-4)  # of a hit's time [s]
+ANGULAR = ("angle", "position")
+
+
+@dataclass(frozen=True, eq=False)
+class BlockNoise:
+    """Noise of one kind of channel in one kind of experiment.
+
+    Attributes:
+        ar: Prediction-error filter, ar[0] = 1, shape (order + 1,).
+        sigma: Standard deviation of the innovation [the channel's unit].
+        marginal: Standard deviation of the process itself [the channel's unit].
+        kappa: Model error relative to the signal's envelope [-].
+    """
+
+    ar: Vector
+    sigma: float
+    marginal: float
+    kappa: float
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """Everything that turns residuals into standard normals.
+
+    Attributes:
+        blocks: Per kind of channel, see :func:`block_key`.
+        gain: Scatter of a hit's gain s_g [-].
+        timing: Scatter of a hit's time s_t [s].
+    """
+
+    blocks: dict[Key, BlockNoise]
+    gain: float
+    timing: float
+
+
+def block_key(run: PreparedRun, output: Output) -> Key:
+    """Outputs that share this key are recorded alike and pooled."""
+    return (
+        run.run.experiment,
+        run.run.brake,
+        output.quantity,
+        output.location,
+        output.direction,
+        -1.0 if output.radius is None else float(output.radius),
+        float(output.rate),
+    )
+
+
+def dynamic_level(output: Output) -> float:
+    """RMS of what the output does beyond its slow part [the output's unit]: the yardstick of relative error."""
+    data = output.data[output.mask]
+    if output.quantity in ANGULAR:
+        window = max(3, round(output.rate * 0.25))
+        data = data - uniform_filter1d(data, window, mode="nearest")
+    else:
+        data = data - np.median(data)
+    return float(np.sqrt(np.mean(np.square(data)))) if data.size else 0.0
+
+
+def envelope(output: Output) -> Vector:
+    """Local rms of the output [its unit], shape (n,); constant for angles, whose error does not follow their size."""
+    level = dynamic_level(output)
+    if output.quantity in ANGULAR:
+        return np.full(len(output.data), level)
+    window = max(3, round(output.rate * ENVELOPE_WINDOW))
+    centred = output.data - np.median(output.data[output.mask]) if output.mask.any() else output.data
+    return np.sqrt(uniform_filter1d(np.square(centred), window, mode="nearest"))
+
+
+def inflation(output: Output, noise: BlockNoise) -> Vector:
+    """d, by which the noise is larger where the signal is, shape (n,)."""
+    return np.sqrt(1.0 + np.square(noise.kappa * envelope(output) / noise.marginal))
+
+
+def autocovariance(segments: Sequence[Vector], lags: int) -> Vector:
+    """Pooled biased autocovariance of zero-mean segments, shape (lags + 1,)."""
+    total = sum(len(s) for s in segments)
+    sums = np.zeros(lags + 1)
+    for s in segments:
+        for lag in range(min(lags, len(s) - 1) + 1):
+            sums[lag] += float(s[: len(s) - lag] @ s[lag:])
+    return sums / max(total, 1)
+
+
+def fit_ar(covariance: Vector, samples: int, floor: float, max_order: int) -> tuple[Vector, float, float]:
+    """Yule-Walker prediction-error filter, innovation and marginal standard deviation; order by BIC.
+
+    ``floor`` is the standard deviation of a white part added to the process: it bounds how far the filter may amplify
+    bands that the anti-alias filter has emptied.
+    """
+    r = covariance.copy()
+    r[0] = r[0] * (1.0 + 1e-6) + floor**2
+    best = (np.array([1.0]), r[0])
+    score = samples * np.log(r[0])
+    for order in range(1, min(max_order, len(r) - 1) + 1):
+        a = solve_toeplitz(r[:order], r[1 : order + 1])
+        innovation = float(r[0] - a @ r[1 : order + 1])
+        if innovation <= 0.0:
+            break
+        candidate = samples * np.log(innovation) + order * np.log(max(samples, 2))
+        if candidate < score:
+            score, best = candidate, (np.concatenate([[1.0], -a]), innovation)
+    return best[0], float(np.sqrt(best[1])), float(np.sqrt(r[0]))
+
+
+def _segments(residual: Vector, mask: NDArray[np.bool_]) -> list[Vector]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [residual[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 4]
+
+
+def _relative_error(segments: list[Vector], envelopes: list[Vector], floor: float) -> tuple[float, float]:
+    """Maximum-likelihood (marginal, kappa) of r_t ~ N(0, marginal^2 + (kappa env_t)^2) over a grid of their ratio."""
+    r, env = np.concatenate(segments), np.concatenate(envelopes)
+    variance = np.square(r)
+    scale = max(float(np.max(env)), 1e-300)
+    best, answer = np.inf, (max(float(np.sqrt(np.mean(variance))), floor), 0.0)
+    for ratio in np.concatenate([[0.0], np.geomspace(0.5, 300.0, 24)]):
+        d2 = 1.0 + np.square(ratio * env / scale)
+        s2 = max(float(np.mean(variance / d2)), floor**2)
+        cost = float(np.sum(np.log(s2 * d2) + variance / (s2 * d2)))
+        if cost < best - 1e-9:
+            best, answer = cost, (float(np.sqrt(s2)), float(ratio * np.sqrt(s2) / scale))
+    return answer
+
+
+def block_noise(
+    outputs: Sequence[Output], residuals: Sequence[Vector], max_order: int, quantum: float = 0.0
+) -> BlockNoise:
+    """Noise of one block from its residuals, with per-run scatter taken off already.
+
+    Args:
+        outputs: The outputs that share a key.
+        residuals: Recorded minus predicted, one per output, shape (n,) each.
+        max_order: Greatest autoregressive order.
+        quantum: Step of the recorder [the output's unit].
+    """
+    level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
+    floor = max(RELATIVE_FLOOR * level, quantum / np.sqrt(12.0), 1e-300)
+    segments, envelopes = [], []
+    for output, residual in zip(outputs, residuals, strict=True):
+        env = envelope(output)
+        segments.extend(_segments(residual, output.mask))
+        envelopes.extend(_segments(env, output.mask))
+    if not segments:
+        return BlockNoise(np.array([1.0]), floor, floor, 0.0)
+    marginal, kappa = _relative_error(segments, envelopes, floor)
+    scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
+    covariance = autocovariance(scaled, max_order)
+    ar, sigma, whole = fit_ar(covariance, sum(len(s) for s in scaled), floor, max_order)
+    # kappa was estimated at ``marginal``; the filter's own floor changes the scale a little and d follows ``whole``
+    return BlockNoise(ar, sigma, whole, kappa * whole / marginal)
+
+
+def quantum(output: Output) -> float:
+    """The recorder's step: the smallest change between samples if the record sits on a grid, else 0 [its unit]."""
+    steps = np.abs(np.diff(output.data[output.mask]))
+    steps = steps[steps > 0.0]
+    if steps.size < 32:
+        return 0.0
+    smallest = float(np.percentile(steps, 1.0))
+    multiples = steps / smallest
+    on_grid = np.mean(np.abs(multiples - np.round(multiples)) < 0.02)
+    return smallest if on_grid > 0.95 and np.median(multiples) < 200 else 0.0
+
+
+def white(runs: Sequence[PreparedRun]) -> NoiseModel:
+    """The first guess before anything is fitted: every output white at its own dynamic level, no scatter."""
+    levels: dict[Key, list[float]] = {}
+    for run in runs:
+        for output in run.outputs:
+            levels.setdefault(block_key(run, output), []).append(dynamic_level(output))
+    blocks = {}
+    for key, values in levels.items():
+        size = max(0.05 * float(np.sqrt(np.mean(np.square(values)))), 1e-12)
+        blocks[key] = BlockNoise(np.array([1.0]), size, size, 0.0)
+    return NoiseModel(blocks, gain=0.01, timing=3e-5)

@@ -1,0 +1,134 @@
+"""Whitened residuals of a set of runs as a function of a hypothesis, evaluated run by run on a pool of threads.
+
+Every run is its own task and results are assembled in a fixed order, so the answer does not depend on the number of
+workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.noise import NoiseModel
+from jointscope.diagnosis.whiten import RunWhitener, run_whitener
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.coordinates import Coordinates
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.prepare import PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+Predictions = tuple[tuple[Vector, ...], ...]
+T = TypeVar("T")
+R = TypeVar("R")
+
+DIVERGED = 1e3  # whitened residual of a sample that a hypothesis cannot predict at all
+
+
+class Predict(Protocol):
+    """The forward model, one run at a time."""
+
+    def __call__(
+        self, run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem
+    ) -> tuple[Vector, ...]:
+        """One array per ``run.outputs``, of the length of its data."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """The runs that are compared, how they are predicted, and how their residuals are whitened.
+
+    Attributes:
+        runs: Positions in ``problem.runs``, in the order in which residuals are stacked.
+        whiteners: One per run, or empty before :func:`whitened`.
+    """
+
+    problem: Problem
+    predict: Predict
+    runs: tuple[int, ...]
+    pool: ThreadPoolExecutor
+    whiteners: tuple[RunWhitener, ...] = ()
+
+    @property
+    def prepared(self) -> tuple[PreparedRun, ...]:
+        """The runs themselves."""
+        return tuple(self.problem.runs[i] for i in self.runs)
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Where each run stands in the stacked residual."""
+        edges = np.concatenate([[0], np.cumsum([sum(w.sizes) for w in self.whiteners])]).astype(int)
+        return tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+
+    def map(self, function: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
+        """``function`` over ``tasks`` on the pool, results in the order of the tasks."""
+        return list(self.pool.map(function, tasks))
+
+    def predictions(self, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Predictions:
+        """Predicted outputs of every run."""
+        return tuple(self.map(lambda run: self.predict(run, theta, effects, self.problem), self.prepared))
+
+    def whiten_run(self, position: int, predicted: Sequence[Vector]) -> Vector:
+        """w of one run, shape (n_kept,)."""
+        run = self.problem.runs[self.runs[position]]
+        whitener = self.whiteners[position]
+        if not all(np.all(np.isfinite(y)) for y in predicted):
+            return np.full(sum(whitener.sizes), DIVERGED)
+        return whitener([o.data - y for o, y in zip(run.outputs, predicted, strict=True)])[:, 0]
+
+    def run_residual(self, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Vector:
+        """Predict and whiten one run."""
+        run = self.problem.runs[self.runs[position]]
+        return self.whiten_run(position, self.predict(run, theta, effects, self.problem))
+
+    def residual(self, x: Vector, where: Coordinates) -> Vector:
+        """w at ``x``, runs stacked, shape (n,)."""
+        theta, effects = where.unpack(x)
+        parts = self.map(lambda i: self.run_residual(i, theta, effects), range(len(self.runs)))
+        return np.concatenate(parts)
+
+    def columns(self, x: Vector, where: Coordinates, w: Vector, which: Sequence[int]) -> NDArray[np.float64]:
+        """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which))."""
+        moved = []
+        for j in which:
+            step = where.step[j] if x[j] + where.step[j] <= where.upper[j] else -where.step[j]
+            shifted = x.copy()
+            shifted[j] += step
+            moved.append((step, *where.unpack(shifted)))
+        slices = self.slices
+        result = np.zeros((len(w), len(which)))
+
+        def fill(task: tuple[int, int]) -> None:
+            k, i = task
+            step, theta, effects = moved[k]
+            result[slices[i], k] = (self.run_residual(i, theta, effects) - w[slices[i]]) / step
+
+        self.map(fill, [(k, i) for k in range(len(which)) for i in range(len(self.runs))])
+        return result
+
+    def restricted(self, positions: Sequence[int]) -> Objective:
+        """The same with only the runs at ``positions`` of this one."""
+        return replace(
+            self,
+            runs=tuple(self.runs[p] for p in positions),
+            whiteners=tuple(self.whiteners[p] for p in positions) if self.whiteners else (),
+        )
+
+    def rows(self, positions: Sequence[int]) -> NDArray[np.intp]:
+        """Rows of the stacked residual that belong to the runs at ``positions``."""
+        slices = self.slices
+        return np.concatenate([np.arange(slices[p].start, slices[p].stop) for p in positions])
+
+
+def whitened(objective: Objective, noise: NoiseModel, predictions: Predictions | None) -> Objective:
+    """The objective with whiteners built from ``noise`` and the response that scatters."""
+    prepared = objective.prepared
+    given: Sequence[tuple[Vector, ...] | None] = [None] * len(prepared) if predictions is None else predictions
+    whiteners = objective.map(lambda pair: run_whitener(pair[0], noise, pair[1]), list(zip(prepared, given, strict=True)))
+    return replace(objective, whiteners=tuple(whiteners))

@@ -1,0 +1,223 @@
+"""Damped least squares on whitened residuals, run to a converged optimum.
+
+An unconverged base is the first source of false alarms (B.2, stage 1): what a candidate effect then explains is the
+rest of the way to the optimum. Hence Marquardt damping, scaled coordinates, bounds, and |P_B w| / |w| as the measure
+of convergence, P_B the projection on the tangent space of the free parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from jointscope.diagnosis.coordinates import Coordinates
+from jointscope.diagnosis.objective import Objective
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+TOLERANCE = 1e-4  # |P_B w| / |w| at convergence
+LOG_STEP = 0.7  # longest step in a logarithm
+RELATIVE_STEP = 3.0  # longest step in any other coordinate, in its own units
+GOOD = (0.6, 1.6)  # actual over predicted decrease within which the Jacobian is trusted
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An optimum, or the best point reached.
+
+    Attributes:
+        x: Coordinates, shape (n,).
+        w: Whitened residual there, shape (n_samples,).
+        jacobian: dw/dx, shape (n_samples, n); approximate unless ``fresh``.
+        gradient_ratio: |P_B w| / |w|.
+        converged: Whether the ratio is below tolerance, or no step decreases the cost with a fresh Jacobian.
+        simulations: Evaluations of the whole set of runs.
+    """
+
+    coordinates: Coordinates
+    x: Vector
+    w: Vector
+    jacobian: Matrix
+    gradient_ratio: float
+    converged: bool
+    fresh: bool
+    simulations: int
+
+    @property
+    def chi2(self) -> float:
+        """w'w."""
+        return float(self.w @ self.w)
+
+
+def _movable(x: Vector, gradient: Vector, where: Coordinates) -> NDArray[np.intp]:
+    at_lower = (x <= where.lower + 1e-12) & (gradient > 0.0)
+    at_upper = (x >= where.upper - 1e-12) & (gradient < 0.0)
+    return np.flatnonzero(~(at_lower | at_upper))
+
+
+def _step(normal: Matrix, gradient: Vector, damping: float) -> Vector:
+    """-(A + damping diag A)^-1 g, scaled so that a column of any unit counts alike."""
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal / np.outer(size, size)
+    scaled[np.diag_indices_from(scaled)] += damping + 1e-10
+    dead = np.diag(normal) <= 1e-200
+    scaled[dead, :] = 0.0
+    scaled[:, dead] = 0.0
+    scaled[dead, dead] = 1.0
+    solution: Vector = -cho_solve(cho_factor(scaled), np.where(dead, 0.0, gradient / size)) / size
+    return solution
+
+
+def tangent_share(jacobian: Matrix, w: Vector, x: Vector, where: Coordinates) -> float:
+    """|P_B w| / |w| over the coordinates that are not held by a bound."""
+    gradient = jacobian.T @ w
+    movable = _movable(x, gradient, where)
+    if movable.size == 0 or not np.any(w):
+        return 0.0
+    step = _step(jacobian[:, movable].T @ jacobian[:, movable], gradient[movable], 0.0)
+    return float(np.sqrt(max(-gradient[movable] @ step, 0.0)) / np.linalg.norm(w))
+
+
+@dataclass(eq=False)
+class _Search:
+    """Where the optimiser stands; columns are fresh when they were differenced at this very ``x``."""
+
+    objective: Objective
+    where: Coordinates
+    x: Vector
+    w: Vector
+    jacobian: Matrix
+    spent: int
+    base_fresh: bool
+    effects_fresh: bool
+
+    def refresh(self, which: range) -> None:
+        if len(which) == 0:
+            return
+        self.jacobian[:, which.start : which.stop] = self.objective.columns(self.x, self.where, self.w, which)
+        self.spent += len(which)
+        self.effects_fresh = self.effects_fresh or which.stop == self.where.n
+        self.base_fresh = self.base_fresh or which.start == 0
+
+    def refresh_stale(self) -> None:
+        """The effects' columns first: they change most from point to point, and they are few."""
+        effects = range(self.where.n_base, self.where.n)
+        if not self.effects_fresh and len(effects):
+            self.refresh(effects)
+        elif not self.base_fresh:
+            self.refresh(range(0, self.where.n_base))
+
+    @property
+    def fresh(self) -> bool:
+        return self.base_fresh and (self.effects_fresh or self.where.n == self.where.n_base)
+
+
+def _try(state: _Search, damping: float) -> tuple[Vector, Vector, float] | None:
+    """A damped step within bounds and step limits: (target, w there, actual over predicted decrease)."""
+    where = state.where
+    gradient = state.jacobian.T @ state.w
+    movable = _movable(state.x, gradient, where)
+    if movable.size == 0:
+        return None
+    columns = state.jacobian[:, movable]
+    step = _step(columns.T @ columns, gradient[movable], damping)
+    limit = np.where(where.logarithm, LOG_STEP, RELATIVE_STEP)[movable]
+    target = state.x.copy()
+    target[movable] += np.clip(step, -limit, limit)
+    target = np.clip(target, where.lower, where.upper)
+    moved = target - state.x
+    if not np.any(moved):
+        return None
+    candidate = state.objective.residual(target, where)
+    state.spent += 1
+    expected = state.w + state.jacobian @ moved
+    predicted = float(state.w @ state.w - expected @ expected)
+    actual = float(state.w @ state.w - candidate @ candidate)
+    if actual > 0.0 or not state.fresh:  # Broyden: a secant is better than a column differenced elsewhere
+        state.jacobian += np.outer((candidate - expected) / float(moved @ moved), moved)
+    return target, candidate, actual / predicted if predicted > 0.0 else -1.0
+
+
+def least_squares(
+    objective: Objective,
+    where: Coordinates,
+    x: Vector,
+    *,
+    jacobian: Matrix | None = None,
+    iterations: int = 12,
+    tolerance: float = TOLERANCE,
+    simulations: int = 10_000,
+) -> Fit:
+    """Minimise w'w from ``x`` by Levenberg-Marquardt with Broyden updates between fresh Jacobians.
+
+    Args:
+        jacobian: A Jacobian known near ``x`` (the base's columns at the base's optimum, say); it is refreshed where
+            its predictions fail, the effects' columns first.
+        iterations: Steps tried at most.
+        simulations: Evaluations spent at most; the best point reached is returned.
+    """
+    x = np.clip(x, where.lower, where.upper)
+    w = objective.residual(x, where)
+    known = np.zeros((len(w), where.n)) if jacobian is None else jacobian.copy()
+    state = _Search(objective, where, x, w, known, 1, False, False)
+    if jacobian is None:
+        state.refresh(range(where.n))
+    damping, growth, converged = 1e-3, 2.0, False
+    for _ in range(iterations):
+        if tangent_share(state.jacobian, state.w, state.x, where) < tolerance:
+            if not state.fresh and simulations - state.spent > where.n:
+                state.refresh(range(where.n))
+            if tangent_share(state.jacobian, state.w, state.x, where) < tolerance:
+                converged = True
+                break
+        if simulations - state.spent < 1:
+            break
+        attempt = _try(state, damping)
+        if attempt is None:
+            converged = state.fresh
+            break
+        target, candidate, trust = attempt
+        if candidate @ candidate < state.w @ state.w:
+            state.x, state.w = target, candidate
+            state.base_fresh = state.effects_fresh = False
+            damping, growth = max(damping * (0.2 if trust > 0.7 else 1.0), 1e-9), 2.0
+        else:
+            damping, growth = max(damping * growth, 1e-3), growth * 2.0
+        if not GOOD[0] < trust < GOOD[1] and simulations - state.spent > where.n:
+            state.refresh_stale()
+        if damping > 1e6:
+            break
+    ratio = tangent_share(state.jacobian, state.w, state.x, where)
+    return Fit(
+        where, state.x, state.w, state.jacobian, ratio, converged or ratio < tolerance, state.fresh, state.spent
+    )
+
+
+def with_fresh_jacobian(objective: Objective, fit: Fit) -> Fit:
+    """The fit with its Jacobian recomputed where it stands."""
+    if fit.fresh:
+        return fit
+    w = objective.residual(fit.x, fit.coordinates)
+    jacobian = objective.columns(fit.x, fit.coordinates, w, range(fit.coordinates.n))
+    ratio = tangent_share(jacobian, w, fit.x, fit.coordinates)
+    return Fit(
+        fit.coordinates, fit.x, w, jacobian, ratio, fit.converged, True, fit.simulations + 1 + fit.coordinates.n
+    )
+
+
+def covariance(fit: Fit, overdispersion: float = 1.0) -> Matrix:
+    """Covariance of the coordinates, c^2 (J'J)^-1, shape (n, n); coordinates the data do not see get infinity."""
+    normal = fit.jacobian.T @ fit.jacobian
+    size = np.sqrt(np.diag(normal))
+    seen = size > 1e-100
+    result = np.full(normal.shape, 0.0)
+    result[np.diag_indices_from(result)] = np.inf
+    if np.any(seen):
+        scaled = normal[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
+        inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
+        result[np.ix_(seen, seen)] = overdispersion * inverse / np.outer(size[seen], size[seen])
+    return result

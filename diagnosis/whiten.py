@@ -1,0 +1,174 @@
+"""Residuals made standard normal: prediction-error filter per output, hit gain and timing marginalised per run.
+
+Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0). With U = L^-1 [s_g y, s_t y.] and U = Q R,
+w = (I - Q S Q') L^-1 r with S = V diag(1 - (1 + lambda)^-1/2) V', V lambda V' = R R', is the symmetric square root of
+Woodbury's identity: w'w = r' Sigma^-1 r exactly, and w is linear in r.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from jointscope.diagnosis.noise import (
+    GAIN_BOUNDS,
+    TIMING_BOUNDS,
+    BlockNoise,
+    Key,
+    NoiseModel,
+    block_key,
+    block_noise,
+    inflation,
+    quantum,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import Output, PreparedRun
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OutputFilter:
+    """L^-1 of one output: r -> (ar * (r / d)) / sigma at the scored samples."""
+
+    ar: Vector
+    weight: Vector  # 1 / d, zero at unscored samples, shape (n,)
+    sigma: float
+    keep: NDArray[np.intp]
+
+    def __call__(self, r: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Filter columns, shape (n, k) -> (n_kept, k)."""
+        scaled = r * self.weight[:, None]
+        filtered = scaled if len(self.ar) == 1 else lfilter(self.ar, [1.0], scaled, axis=0)
+        return filtered[self.keep] / self.sigma
+
+
+@dataclass(frozen=True, eq=False)
+class RunWhitener:
+    """Sigma^-1/2 of one run, its outputs stacked.
+
+    Attributes:
+        filters: One per output.
+        directions: Q V, the orthonormal scatter directions, shape (n_kept, 0 to 2).
+        shrink: 1 - (1 + lambda)^-1/2 of each.
+    """
+
+    filters: tuple[OutputFilter, ...]
+    directions: NDArray[np.float64]
+    shrink: Vector
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Number of scored samples of each output."""
+        return tuple(len(f.keep) for f in self.filters)
+
+    @property
+    def log_determinant(self) -> float:
+        """ln |Sigma^-1/2| of this run, up to what no hypothesis changes."""
+        total = float(np.sum(np.log(1.0 - self.shrink))) if self.shrink.size else 0.0
+        for f in self.filters:
+            total += float(np.sum(np.log(f.weight[f.keep]))) - len(f.keep) * float(np.log(f.sigma))
+        return total
+
+    def filter(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """L^-1 of stacked outputs; each array of shape (n,) or (n, k)."""
+        return np.concatenate([f(a.reshape(len(a), -1)) for f, a in zip(self.filters, arrays, strict=True)], axis=0)
+
+    def __call__(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """w for residuals or columns, shape (n_kept, k)."""
+        w = self.filter(arrays)
+        if self.shrink.size:
+            w = w - self.directions @ (self.shrink[:, None] * (self.directions.T @ w))
+        return w
+
+
+def output_filter(output: Output, noise: BlockNoise) -> OutputFilter:
+    """The filter of one output; samples whose filter memory reaches outside the scored part are dropped."""
+    mask = output.mask.copy()
+    for lag in range(1, len(noise.ar)):
+        mask[lag:] &= output.mask[:-lag]
+        mask[:lag] = False
+    weight = np.where(output.mask, 1.0 / inflation(output, noise), 0.0)
+    return OutputFilter(noise.ar, weight, noise.sigma, np.flatnonzero(mask))
+
+
+def is_hit(run: PreparedRun) -> bool:
+    """Whether the run's excitation is an impact: hit point, direction and trigger then scatter from take to take."""
+    if run.run.experiment != "hammer" or run.load_force is None:
+        return False
+    force = np.abs(run.load_force)
+    return bool(np.any(force)) and float(np.mean(force > 0.05 * force.max())) < 0.2
+
+
+def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArray[np.float64]]:
+    """[y, dy/dt] of each output, y counted from its first sample, shapes (n, 2)."""
+    columns = []
+    for output, y in zip(run.outputs, predicted, strict=True):
+        departure = y - y[0]
+        columns.append(np.stack([departure, np.gradient(departure) * output.rate], axis=1))
+    return columns
+
+
+def run_whitener(run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector] | None) -> RunWhitener:
+    """Sigma^-1/2 of ``run``; ``predicted`` gives the response whose gain and timing scatter, for hits."""
+    filters = tuple(output_filter(o, noise.blocks[block_key(run, o)]) for o in run.outputs)
+    bare = RunWhitener(filters, np.zeros((sum(len(f.keep) for f in filters), 0)), np.zeros(0))
+    if predicted is None or not is_hit(run) or not run.outputs:
+        return bare
+    u = bare.filter(scatter_columns(run, predicted)) * np.array([noise.gain, noise.timing])
+    q, r = np.linalg.qr(u)
+    eigenvalues, vectors = np.linalg.eigh(r @ r.T)
+    shrink = 1.0 - 1.0 / np.sqrt(1.0 + np.maximum(eigenvalues, 0.0))
+    return RunWhitener(filters, q @ vectors, shrink)
+
+
+def hit_scatter(
+    runs: Sequence[PreparedRun], noise: NoiseModel, predictions: Sequence[Sequence[Vector]]
+) -> tuple[float, float, list[tuple[float, float]]]:
+    """Scatter of hit gain [-] and timing [s], robustly over the hits, and each hit's own (gain, time)."""
+    found: list[tuple[float, float]] = []
+    for run, predicted in zip(runs, predictions, strict=True):
+        if not is_hit(run):
+            found.append((0.0, 0.0))
+            continue
+        bare = run_whitener(run, noise, None)
+        w = bare.filter([o.data - y for o, y in zip(run.outputs, predicted, strict=True)])
+        u = bare.filter(scatter_columns(run, predicted))
+        size = np.linalg.norm(u, axis=0)
+        size[size == 0.0] = 1.0
+        gain, shift = np.linalg.lstsq(u / size, w, rcond=1e-8)[0][:, 0] / size
+        found.append((float(gain), float(shift)))
+    hits = np.array([f for f, run in zip(found, runs, strict=True) if is_hit(run)])
+    if len(hits) < 3:
+        return 0.01, 3e-5, found
+    spread = np.sqrt(np.mean(np.square(hits), axis=0))  # about zero: the mean belongs to the base's parameters
+    robust = 1.4826 * np.median(np.abs(hits), axis=0)
+    spread = np.minimum(spread, 2.0 * np.maximum(robust, 1e-12))
+    return float(np.clip(spread[0], *GAIN_BOUNDS)), float(np.clip(spread[1], *TIMING_BOUNDS)), found
+
+
+def estimate_noise(
+    runs: Sequence[PreparedRun], predictions: Sequence[Sequence[Vector]], before: NoiseModel, max_order: int
+) -> NoiseModel:
+    """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error."""
+    gain, timing, scatter = hit_scatter(runs, before, predictions)
+    outputs: dict[Key, list[Output]] = {}
+    residuals: dict[Key, list[Vector]] = {}
+    for run, predicted, (g, t) in zip(runs, predictions, scatter, strict=True):
+        g, t = float(np.clip(g, -3 * gain, 3 * gain)), float(np.clip(t, -3 * timing, 3 * timing))
+        columns = scatter_columns(run, predicted)
+        for output, y, column in zip(run.outputs, predicted, columns, strict=True):
+            key = block_key(run, output)
+            outputs.setdefault(key, []).append(output)
+            residuals.setdefault(key, []).append(output.data - y - column @ np.array([g, t]))
+    blocks = {
+        key: block_noise(outputs[key], residuals[key], max_order, max(quantum(o) for o in outputs[key]))
+        for key in outputs
+    }
+    return NoiseModel(blocks, gain, timing)

@@ -1,0 +1,72 @@
+"""The optimiser: exact on linear problems, convergent on curved ones, obedient to bounds, never worse than its start."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.coordinates import Coordinates
+from jointscope.diagnosis.refit import covariance, least_squares, tangent_share
+
+
+def plain(n, lower=-np.inf, upper=np.inf):
+    """Coordinates that are the parameters themselves."""
+    return Coordinates(
+        start=np.zeros(n), free=np.arange(n), effects=(), scale=np.ones(n), logarithm=np.zeros(n, bool),
+        lower=np.full(n, lower), upper=np.full(n, upper), step=np.full(n, 1e-6),
+    )  # fmt: skip
+
+
+def objective(function):
+    """The two methods that the optimiser uses, for w = function(x)."""
+
+    def columns(x, where, w, which):
+        result = np.zeros((len(w), len(which)))
+        for k, j in enumerate(which):
+            shifted = x.copy()
+            shifted[j] += where.step[j]
+            result[:, k] = (function(shifted) - w) / where.step[j]
+        return result
+
+    return SimpleNamespace(residual=lambda x, where: function(x), columns=columns)
+
+
+def test_a_linear_problem_is_solved_to_the_normal_equations():
+    """The optimum is lstsq's, and P_B w vanishes there."""
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal((50, 4)), rng.standard_normal(50)
+    fit = least_squares(objective(lambda x: a @ x - b), plain(4), np.zeros(4), iterations=30)
+    assert fit.converged
+    assert np.allclose(fit.x, np.linalg.lstsq(a, b, rcond=None)[0], atol=1e-5)
+    assert tangent_share(a, fit.w, fit.x, plain(4)) < 1e-4
+    assert np.allclose(covariance(fit), np.linalg.inv(a.T @ a), rtol=1e-4)
+
+
+def test_a_curved_valley_is_followed_to_its_end():
+    """Rosenbrock's valley as residuals (10 (y - x^2), 1 - x)."""
+    fit = least_squares(
+        objective(lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], 1e-3])), plain(2), np.array([-1.2, 1.0]), iterations=80
+    )
+    assert np.allclose(fit.x, 1.0, atol=1e-3)
+
+
+def test_bounds_hold_and_the_free_coordinates_still_converge():
+    """With x <= 0.5 active the other coordinate reaches its own optimum."""
+    fit = least_squares(
+        objective(lambda x: np.array([x[0] - 1.0, x[1] + 2.0 * x[0]])), plain(2, upper=0.5), np.zeros(2), iterations=40
+    )
+    assert fit.x[0] <= 0.5
+    assert np.isclose(fit.x[1] + 2 * fit.x[0], 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_cost_never_rises(seed):
+    """Even from a misleading Jacobian the best point is at least as good as the start."""
+    rng = np.random.default_rng(seed)
+
+    def rough(x):
+        return np.array([np.sin(3 * x[0]) + x[1], x[0] * x[1] - 1.0, np.cos(x[1])])
+
+    start = rng.uniform(-2, 2, 2)
+    fit = least_squares(objective(rough), plain(2), start, jacobian=rng.standard_normal((3, 2)), iterations=10)
+    assert fit.chi2 <= np.sum(rough(start) ** 2) + 1e-12
