@@ -15,6 +15,7 @@ COMMANDS: dict[str, str] = {
     "arm": "an arm of several elastic joints: list, template, build, show, solve",
     "model": "check your own simulation against a campaign: model map robot.xml CAMPAIGN",
     "reproduce": "the paper's figures and tables beside its numbers",
+    "gate": "accuracy gates: claims with bounds, measured anew, for CI",
     "sensitivity": "how much each parameter matters to what users care about",
     "selfcheck": "the simulator's own error against the closed form",
 }
