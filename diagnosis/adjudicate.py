@@ -127,7 +127,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     base = Hypothesis((), stage.fit, profile_loss(stage.objective, stage.fit.w))
     ordered = sorted(hypotheses, key=lambda h: h.loss)
     best = ordered[0] if ordered and ordered[0].loss < base.loss else base
-    objective, noise, predictions = rewhiten(stage.objective, best.fit, stage.noise, MAX_ORDER)
+    objective, noise, _ = rewhiten(stage.objective, best.fit, stage.noise, MAX_ORDER)
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
     judged = []
@@ -170,7 +170,9 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / samples)
     raw = 0.5 * (parent.chi2 - child.chi2) / overdispersion
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    material = change(runs, (*parent.predictions, *parent.predictions_held), (*child.predictions, *child.predictions_held))
+    material = change(
+        runs, (*parent.predictions, *parent.predictions_held), (*child.predictions, *child.predictions_held)
+    )
     if child.held_out.size == 0:
         return Comparison(raw - child.occam + parent.occam, math.nan, math.nan, math.nan, material)
     held = 0.5 * (parent.held_out - child.held_out) / overdispersion

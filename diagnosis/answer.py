@@ -91,7 +91,9 @@ def parameter_shift(problem: Problem, judged: Judged, all_estimates: tuple[Estim
     return found
 
 
-def effects_json(judged: Judged, all_estimates: tuple[Estimate, ...], probability: dict[str, float]) -> list[dict[str, Any]]:
+def effects_json(
+    judged: Judged, all_estimates: tuple[Estimate, ...], probability: dict[str, float]
+) -> list[dict[str, Any]]:
     """``effects``: name, location, probability, parameters and a sentence, most certain first."""
     where = judged.fit.coordinates
     found: dict[tuple[str, str], dict[str, Any]] = {}
@@ -175,7 +177,10 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         augmented = held_out["augmented_error"] if held_out else math.nan
         runs = len(diagnosis.split.held_out)
         text = evidence_text(
-            comparison, math.nan if base_error is None else base_error, math.nan if augmented is None else augmented, runs
+            comparison,
+            math.nan if base_error is None else base_error,
+            math.nan if augmented is None else augmented,
+            runs,
         )
         if held_out is None:
             text = "A candidate only, since nothing could be held out. " + text

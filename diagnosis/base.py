@@ -63,7 +63,9 @@ def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> 
             size = float(np.std(data))
             if size > 0.0:
                 error = data - y[output.mask]
-                ratios.append(float(np.sqrt(np.mean(np.square(error)))) / size if np.all(np.isfinite(y)) else np.inf)
+                ratios.append(
+                    float(np.sqrt(np.mean(np.square(error)))) / size if np.all(np.isfinite(y)) else np.inf
+                )
     return float(np.median(ratios)) if ratios else 0.0
 
 
@@ -87,7 +89,9 @@ def _coarse(objective: Objective, where: Coordinates) -> Fit:
     return best
 
 
-def rewhiten(objective: Objective, fit: Fit, before: NoiseModel, max_order: int) -> tuple[Objective, NoiseModel, Predictions]:
+def rewhiten(
+    objective: Objective, fit: Fit, before: NoiseModel, max_order: int
+) -> tuple[Objective, NoiseModel, Predictions]:
     """Noise from what ``fit`` leaves, and the objective whitened by it."""
     predictions = objective.predictions(*fit.coordinates.unpack(fit.x))
     noise = estimate_noise(objective.prepared, predictions, before, max_order)

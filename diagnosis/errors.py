@@ -66,7 +66,9 @@ def floor_of(run: PreparedRun, output: Output, noise: NoiseModel, predicted: Vec
     variance = block.marginal**2
     if is_hit(run):
         departure = predicted - predicted[0]
-        variance += (noise.gain * rms(departure)) ** 2 + (noise.timing * rms(np.gradient(departure) * output.rate)) ** 2
+        variance += (noise.gain * rms(departure)) ** 2 + (
+            noise.timing * rms(np.gradient(departure) * output.rate)
+        ) ** 2
     return float(np.sqrt(variance))
 
 
@@ -87,12 +89,17 @@ def channel_errors(
             if channel.samples is None:
                 continue
             recorded = np.asarray(channel.samples, dtype=np.float64)
+            predicted = output.polarity * (np.asarray(predicted) + output.offset)
             scored = np.isfinite(recorded)
             if output.mask.size == recorded.size and np.any(output.mask):
                 scored &= output.mask
-            error = relative_error(output.quantity, recorded[scored], np.asarray(predicted)[scored])
-            reference = rms(recorded[scored] - recorded[scored][0]) if output.quantity in ANGULAR else rms(recorded[scored])
-            floor = floor_of(run, output, noise, np.asarray(predicted)) / reference if reference > 0.0 else float("nan")
+            error = relative_error(output.quantity, recorded[scored], predicted[scored])
+            reference = (
+                rms(recorded[scored] - recorded[scored][0])
+                if output.quantity in ANGULAR
+                else rms(recorded[scored])
+            )
+            floor = floor_of(run, output, noise, predicted) / reference if reference > 0.0 else float("nan")
             label = f"{output.quantity}@{output.location}"
             found.append(ChannelError(run.run.id, run.run.experiment, label, error, floor))
     return tuple(found)

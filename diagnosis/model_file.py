@@ -1,9 +1,9 @@
 """``model.json`` of a diagnosis (``kind = "diagnosis"``): the base's parameters and the effects, enough to predict.
 
-    { "format": "jointscope-model/1", "kind": "diagnosis",
-      "rig": { nameplate },
-      "base": { "stiffness": K [N m/rad], ... every base parameter, the drive's nuisance among them },
-      "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value } } ] }
+{ "format": "jointscope-model/1", "kind": "diagnosis",
+  "rig": { nameplate },
+  "base": { "stiffness": K [N m/rad], ... every base parameter, the drive's nuisance among them },
+  "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value } } ] }
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ def read_model_json(
         RefusedError: Another kind of model, a base parameter is missing, or an effect is not in the catalogue.
     """
     if model.get("kind") != KIND:
-        raise RefusedError(f"model.json: kind = {model.get('kind')!r}: must be {KIND!r}; write one with jointscope diagnose")
+        raise RefusedError(
+            f"model.json: kind = {model.get('kind')!r}: must be {KIND!r}; write one with jointscope diagnose"
+        )
     known = {entry.name for entry in fields(Nameplate)}
     rig = Nameplate(**{key: value for key, value in model["rig"].items() if key in known})
     base = model["base"]
@@ -70,7 +72,11 @@ def read_model_json(
 
 def _effect(entry: Mapping[str, Any]) -> ActiveEffect:
     for spec in REGISTRY:
-        if (spec.name, spec.location, spec.variant) == (entry["effect"], entry["location"], entry.get("variant", "")):
+        if (spec.name, spec.location, spec.variant) == (
+            entry["effect"],
+            entry["location"],
+            entry.get("variant", ""),
+        ):
             parameters = entry["parameters"]
             return ActiveEffect(spec, tuple(float(parameters[p.name]) for p in spec.parameters))
     raise RefusedError(

@@ -94,7 +94,7 @@ def envelope(output: Output) -> Vector:
         return np.full(len(output.data), level)
     window = max(3, round(output.rate * ENVELOPE_WINDOW))
     centred = output.data - np.median(output.data[output.mask]) if output.mask.any() else output.data
-    return np.sqrt(uniform_filter1d(np.square(centred), window, mode="nearest"))
+    return np.asarray(np.sqrt(uniform_filter1d(np.square(centred), window, mode="nearest")))
 
 
 def inflation(output: Output, noise: BlockNoise) -> Vector:

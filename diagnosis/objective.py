@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
@@ -64,7 +65,7 @@ class Objective:
     def slices(self) -> tuple[slice, ...]:
         """Where each run stands in the stacked residual."""
         edges = np.concatenate([[0], np.cumsum([sum(w.sizes) for w in self.whiteners])]).astype(int)
-        return tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
 
     def map(self, function: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
         """``function`` over ``tasks`` on the pool, results in the order of the tasks."""
@@ -130,5 +131,7 @@ def whitened(objective: Objective, noise: NoiseModel, predictions: Predictions |
     """The objective with whiteners built from ``noise`` and the response that scatters."""
     prepared = objective.prepared
     given: Sequence[tuple[Vector, ...] | None] = [None] * len(prepared) if predictions is None else predictions
-    whiteners = objective.map(lambda pair: run_whitener(pair[0], noise, pair[1]), list(zip(prepared, given, strict=True)))
+    whiteners = objective.map(
+        lambda pair: run_whitener(pair[0], noise, pair[1]), list(zip(prepared, given, strict=True))
+    )
     return replace(objective, whiteners=tuple(whiteners))

@@ -90,9 +90,7 @@ def explore(
             found.append(refitted)
             children.extend(extend(restaged.objective, refitted, candidates, effort))
         if size == 2:
-            children.extend(
-                fit_pairs(stage.objective, stage.fit, screening, [c.names for c in children], effort)
-            )
+            children.extend(fit_pairs(stage.objective, stage.fit, screening, [c.names for c in children], effort))
         found.extend(children)
         ordered = sorted(children, key=lambda h: h.loss)
         parents = ordered[:1]

@@ -37,7 +37,7 @@ def predict_campaign(
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
         arrays = free_prediction(run, theta, effects, problem)
         predictions[run.run.id] = [
-            (signals[output.channel], np.asarray(y, dtype=np.float64))
+            (signals[output.channel], output.polarity * (np.asarray(y, dtype=np.float64) + output.offset))
             for output, y in zip(run.declared, arrays, strict=True)
         ]
     return predictions

@@ -7,6 +7,7 @@ of convergence, P_B the projection on the tangent space of the free parameters.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,7 +80,7 @@ def tangent_share(jacobian: Matrix, w: Vector, x: Vector, where: Coordinates) ->
     if movable.size == 0 or not np.any(w):
         return 0.0
     step = _step(jacobian[:, movable].T @ jacobian[:, movable], gradient[movable], 0.0)
-    return float(np.sqrt(max(-gradient[movable] @ step, 0.0)) / np.linalg.norm(w))
+    return math.sqrt(max(-float(gradient[movable] @ step), 0.0)) / float(np.linalg.norm(w))
 
 
 @dataclass(eq=False)

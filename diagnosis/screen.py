@@ -173,7 +173,10 @@ def refined(
             fit,
             parents,
             rows,
-            [resized(t.active, float(np.clip(t.factor, *AMPLITUDE_REACH)) if t.factor > 0 else -0.3) for t in current],
+            [
+                resized(t.active, float(np.clip(t.factor, *AMPLITUDE_REACH)) if t.factor > 0 else -0.3)
+                for t in current
+            ],
         )
         by_spec = {id(t.spec): t for t in again}
         current = [

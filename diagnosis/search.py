@@ -110,7 +110,7 @@ def block_energies(objective: Objective, w: Vector) -> dict[Key, tuple[float, in
 
 def profile_loss(objective: Objective, w: Vector) -> float:
     """sum_b N_b / 2 ln(E_b / N_b): minus the log likelihood with every block's noise level at its best."""
-    return sum(0.5 * n * np.log(max(e, 1e-12) / n) for e, n in block_energies(objective, w).values() if n)
+    return float(sum(0.5 * n * np.log(max(e, 1e-12) / n) for e, n in block_energies(objective, w).values() if n))
 
 
 def fit_child(objective: Objective, parent: Fit, actives: Sequence[ActiveEffect], effort: Effort) -> Fit:
@@ -126,7 +126,13 @@ def fit_child(objective: Objective, parent: Fit, actives: Sequence[ActiveEffect]
         new = range(parent.coordinates.n, where.n)
         jacobian = np.concatenate([parent.jacobian, objective.columns(x, where, w, new)], axis=1)
         fit = least_squares(
-            objective, where, x, jacobian=jacobian, iterations=14, tolerance=3e-3, simulations=effort.fit_simulations
+            objective,
+            where,
+            x,
+            jacobian=jacobian,
+            iterations=14,
+            tolerance=3e-3,
+            simulations=effort.fit_simulations,
         )
         if best is None or fit.chi2 < best.chi2:
             best = fit
@@ -144,9 +150,7 @@ class Screening:
     w: Vector
 
 
-def screen_on(
-    objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort
-) -> Screening:
+def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort) -> Screening:
     """Score every candidate on top of ``parent``, the leading ones again at their own amplitude."""
     chosen = representative(objective.problem, objective.runs, effort.screen_runs)
     positions = [i for i, run in enumerate(objective.runs) if run in chosen]
@@ -224,4 +228,6 @@ def extend(
 
 def candidates_for(problem: Problem, registry: Sequence[EffectSpec]) -> list[ActiveEffect]:
     """Every trial of every effect that these channels and experiments can show."""
-    return [active for spec in registry if spec.possible(problem) is None for active in trial_effects(spec, problem)]
+    return [
+        active for spec in registry if spec.possible(problem) is None for active in trial_effects(spec, problem)
+    ]

@@ -78,6 +78,8 @@ def split_runs(problem: Problem) -> Split:
             held_out.extend(members[1::HOLD_EVERY])
     if not held_out:  # one run per experiment: the cheapest experiment to lose is the one with the least to fit
         return Split(
-            tuple(range(len(runs))), (), "every experiment was recorded once, so none can be kept back from the fit"
+            tuple(range(len(runs))),
+            (),
+            "every experiment was recorded once, so none can be kept back from the fit",
         )
     return Split(tuple(i for i in range(len(runs)) if i not in held_out), tuple(sorted(held_out)), None)

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
+SAMPLES_PER_FREEDOM = 8.0  # of a coloured residual
+
 
 @dataclass(frozen=True, eq=False)
 class OutputFilter:
@@ -78,7 +81,9 @@ class RunWhitener:
 
     def filter(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """L^-1 of stacked outputs; each array of shape (n,) or (n, k)."""
-        return np.concatenate([f(a.reshape(len(a), -1)) for f, a in zip(self.filters, arrays, strict=True)], axis=0)
+        return np.concatenate(
+            [f(a.reshape(len(a), -1)) for f, a in zip(self.filters, arrays, strict=True)], axis=0
+        )
 
     def __call__(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """w for residuals or columns, shape (n_kept, k)."""
@@ -88,14 +93,49 @@ class RunWhitener:
         return w
 
 
-def output_filter(output: Output, noise: BlockNoise) -> OutputFilter:
-    """The filter of one output; samples whose filter memory reaches outside the scored part are dropped."""
+def output_filter(output: Output, noise: BlockNoise, scale: float = 1.0) -> OutputFilter:
+    """The filter of one output; samples whose filter memory reaches outside the scored part are dropped.
+
+    ``scale``: noise of this run over that of its kind.
+    """
     mask = output.mask.copy()
     for lag in range(1, len(noise.ar)):
         mask[lag:] &= output.mask[:-lag]
         mask[:lag] = False
     weight = np.where(output.mask, 1.0 / inflation(output, noise), 0.0)
-    return OutputFilter(noise.ar, weight, noise.sigma, np.flatnonzero(mask))
+    return OutputFilter(noise.ar, weight, noise.sigma * scale, np.flatnonzero(mask))
+
+
+def run_scale(output: Output, noise: BlockNoise, residual: Vector) -> float:
+    """Noise of this take over that of its kind [-], shrunk towards 1: force noise for one grows with the hit's level."""
+    e = (residual / inflation(output, noise))[output.mask] / noise.marginal
+    if e.size == 0 or not np.all(np.isfinite(e)):
+        return 1.0
+    weight = e.size / SAMPLES_PER_FREEDOM
+    return float(np.sqrt((PRIOR_FREEDOM + weight * np.mean(np.square(e))) / (PRIOR_FREEDOM + weight)))
+
+
+def without_scatter(
+    run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector], bare: RunWhitener
+) -> list[Vector]:
+    """Residuals of a run, and for a hit with its own gain and time taken off within three standard deviations."""
+    residuals = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
+    if not is_hit(run):
+        return residuals
+    gain, shift = own_scatter(run, predicted, bare)
+    limit = 3.0 * np.array([noise.gain, noise.timing])
+    own = np.clip([gain, shift], -limit, limit)
+    return [r - c @ own for r, c in zip(residuals, scatter_columns(run, predicted), strict=True)]
+
+
+def own_scatter(run: PreparedRun, predicted: Sequence[Vector], bare: RunWhitener) -> tuple[float, float]:
+    """Least-squares gain [-] and time [s] of one hit."""
+    w = bare.filter([o.data - y for o, y in zip(run.outputs, predicted, strict=True)])
+    u = bare.filter(scatter_columns(run, predicted))
+    size = np.linalg.norm(u, axis=0)
+    size[size == 0.0] = 1.0
+    gain, shift = np.linalg.lstsq(u / size, w, rcond=1e-8)[0][:, 0] / size
+    return float(gain), float(shift)
 
 
 def is_hit(run: PreparedRun) -> bool:
@@ -115,17 +155,26 @@ def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArr
     return columns
 
 
+def _bare(run: PreparedRun, blocks: Sequence[BlockNoise], scales: Sequence[float]) -> RunWhitener:
+    filters = tuple(output_filter(o, b, s) for o, b, s in zip(run.outputs, blocks, scales, strict=True))
+    return RunWhitener(filters, np.zeros((sum(len(f.keep) for f in filters), 0)), np.zeros(0))
+
+
 def run_whitener(run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector] | None) -> RunWhitener:
     """Sigma^-1/2 of ``run``; ``predicted`` gives the response whose gain and timing scatter, for hits."""
-    filters = tuple(output_filter(o, noise.blocks[block_key(run, o)]) for o in run.outputs)
-    bare = RunWhitener(filters, np.zeros((sum(len(f.keep) for f in filters), 0)), np.zeros(0))
-    if predicted is None or not is_hit(run) or not run.outputs:
+    blocks = [noise.blocks[block_key(run, o)] for o in run.outputs]
+    bare = _bare(run, blocks, [1.0] * len(blocks))
+    if predicted is None or not run.outputs or not all(np.all(np.isfinite(y)) for y in predicted):
+        return bare
+    residuals = without_scatter(run, noise, predicted, bare)
+    bare = _bare(run, blocks, [run_scale(o, b, r) for o, b, r in zip(run.outputs, blocks, residuals, strict=True)])
+    if not is_hit(run):
         return bare
     u = bare.filter(scatter_columns(run, predicted)) * np.array([noise.gain, noise.timing])
     q, r = np.linalg.qr(u)
     eigenvalues, vectors = np.linalg.eigh(r @ r.T)
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + np.maximum(eigenvalues, 0.0))
-    return RunWhitener(filters, q @ vectors, shrink)
+    return RunWhitener(bare.filters, q @ vectors, shrink)
 
 
 def hit_scatter(
@@ -137,13 +186,7 @@ def hit_scatter(
         if not is_hit(run):
             found.append((0.0, 0.0))
             continue
-        bare = run_whitener(run, noise, None)
-        w = bare.filter([o.data - y for o, y in zip(run.outputs, predicted, strict=True)])
-        u = bare.filter(scatter_columns(run, predicted))
-        size = np.linalg.norm(u, axis=0)
-        size[size == 0.0] = 1.0
-        gain, shift = np.linalg.lstsq(u / size, w, rcond=1e-8)[0][:, 0] / size
-        found.append((float(gain), float(shift)))
+        found.append(own_scatter(run, predicted, run_whitener(run, noise, None)))
     hits = np.array([f for f, run in zip(found, runs, strict=True) if is_hit(run)])
     if len(hits) < 3:
         return 0.01, 3e-5, found
@@ -157,16 +200,16 @@ def estimate_noise(
     runs: Sequence[PreparedRun], predictions: Sequence[Sequence[Vector]], before: NoiseModel, max_order: int
 ) -> NoiseModel:
     """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error."""
-    gain, timing, scatter = hit_scatter(runs, before, predictions)
+    gain, timing, _ = hit_scatter(runs, before, predictions)
     outputs: dict[Key, list[Output]] = {}
     residuals: dict[Key, list[Vector]] = {}
-    for run, predicted, (g, t) in zip(runs, predictions, scatter, strict=True):
-        g, t = float(np.clip(g, -3 * gain, 3 * gain)), float(np.clip(t, -3 * timing, 3 * timing))
-        columns = scatter_columns(run, predicted)
-        for output, y, column in zip(run.outputs, predicted, columns, strict=True):
+    scattered = NoiseModel(before.blocks, gain, timing)
+    for run, predicted in zip(runs, predictions, strict=True):
+        bare = run_whitener(run, before, None)
+        for output, residual in zip(run.outputs, without_scatter(run, scattered, predicted, bare), strict=True):
             key = block_key(run, output)
             outputs.setdefault(key, []).append(output)
-            residuals.setdefault(key, []).append(output.data - y - column @ np.array([g, t]))
+            residuals.setdefault(key, []).append(residual)
     blocks = {
         key: block_noise(outputs[key], residuals[key], max_order, max(quantum(o) for o in outputs[key]))
         for key in outputs

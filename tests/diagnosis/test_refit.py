@@ -45,7 +45,10 @@ def test_a_linear_problem_is_solved_to_the_normal_equations():
 def test_a_curved_valley_is_followed_to_its_end():
     """Rosenbrock's valley as residuals (10 (y - x^2), 1 - x)."""
     fit = least_squares(
-        objective(lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], 1e-3])), plain(2), np.array([-1.2, 1.0]), iterations=80
+        objective(lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], 1e-3])),
+        plain(2),
+        np.array([-1.2, 1.0]),
+        iterations=80,
     )
     assert np.allclose(fit.x, 1.0, atol=1e-3)
 
@@ -53,7 +56,10 @@ def test_a_curved_valley_is_followed_to_its_end():
 def test_bounds_hold_and_the_free_coordinates_still_converge():
     """With x <= 0.5 active the other coordinate reaches its own optimum."""
     fit = least_squares(
-        objective(lambda x: np.array([x[0] - 1.0, x[1] + 2.0 * x[0]])), plain(2, upper=0.5), np.zeros(2), iterations=40
+        objective(lambda x: np.array([x[0] - 1.0, x[1] + 2.0 * x[0]])),
+        plain(2, upper=0.5),
+        np.zeros(2),
+        iterations=40,
     )
     assert fit.x[0] <= 0.5
     assert np.isclose(fit.x[1] + 2 * fit.x[0], 0.0, atol=1e-4)

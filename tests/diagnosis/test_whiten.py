@@ -40,7 +40,8 @@ def test_whitened_energy_is_the_quadratic_form_of_the_full_covariance():
     whitener = run_whitener(run, noise, (y,))
     r = rng.standard_normal(len(y))
     w = whitener([r])[:, 0]
-    prediction_error = toeplitz(np.r_[1.0, -a, np.zeros(len(y) - 2)], np.r_[1.0, np.zeros(len(y) - 1)]) / sigma
+    prediction_error = toeplitz(np.r_[1.0, -a, np.zeros(len(y) - 2)], np.r_[1.0, np.zeros(len(y) - 1)])
+    prediction_error = prediction_error / whitener.filters[0].sigma  # the take's own scale included
     filtered = prediction_error[1:]
     u = filtered @ (scatter_columns(run, (y,))[0] * np.array([0.02, 4e-5]))
     covariance = np.eye(len(filtered)) + u @ u.T
@@ -86,7 +87,9 @@ def test_hit_scatter_is_found_with_its_size():
         data = y * (1 + 0.02 * rng.standard_normal()) + 5e-5 * rng.standard_normal() * dy
         runs.append(hit(data + 0.02 * rng.standard_normal(len(y))))
         predictions.append((y,))
-    noise = NoiseModel({block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 0.02, 0.02, 0.0) for r in runs}, 0.01, 3e-5)
+    noise = NoiseModel(
+        {block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 0.02, 0.02, 0.0) for r in runs}, 0.01, 3e-5
+    )
     gain, timing, _ = hit_scatter(runs, noise, predictions)
     assert np.isclose(gain, 0.02, rtol=0.33)
     assert np.isclose(timing, 5e-5, rtol=0.33)

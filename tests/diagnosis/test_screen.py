@@ -1,0 +1,57 @@
+"""The score test is exact where everything is linear, and refuses signs that physics refuses."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from jointscope.diagnosis.screen import pair_gains, score, tangent
+
+
+def effect(lower=-1.0):
+    """An effect whose amplitude may take either sign, or only one."""
+    parameter = SimpleNamespace(name="amplitude", null=0.0, lower=lower, upper=1.0, log=False)
+    return SimpleNamespace(spec=SimpleNamespace(parameters=(parameter,), name="e", location="l"), values=(1.0,))
+
+
+def problem(seed=1, n=300, k=4):
+    rng = np.random.default_rng(seed)
+    jacobian = rng.standard_normal((n, k))
+    w = rng.standard_normal(n)
+    w -= jacobian @ np.linalg.lstsq(jacobian, w, rcond=None)[0]
+    return rng, jacobian, w
+
+
+def test_gain_is_the_decrease_of_the_refitted_least_squares():
+    """(s'Pw)^2 / s'Ps equals chi2(base) - chi2(base + amplitude) with the base refitted."""
+    rng, jacobian, w = problem()
+    s = rng.standard_normal(len(w)) + 0.3 * w
+    trial = score(effect(), s, tangent(w, jacobian))
+    both = np.column_stack([jacobian, s])
+    left = w - both @ np.linalg.lstsq(both, w, rcond=None)[0]
+    assert np.isclose(trial.gain, w @ w - left @ left, rtol=1e-9)
+
+
+def test_a_candidate_inside_the_base_tangent_space_is_not_seen():
+    """What the base's parameters reproduce is no evidence of anything."""
+    _, jacobian, w = problem()
+    assert score(effect(), jacobian @ np.array([1.0, -2.0, 0.5, 3.0]), tangent(w, jacobian)) is None
+
+
+def test_a_one_sided_amplitude_gains_nothing_with_the_wrong_sign():
+    """Friction that would have to drive the motion is no friction."""
+    rng, jacobian, w = problem()
+    s = rng.standard_normal(len(w)) - 0.5 * w
+    parents = tangent(w, jacobian)
+    assert score(effect(lower=0.0), s, parents).gain == 0.0
+    assert score(effect(lower=-1.0), s, parents).gain > 0.0
+
+
+def test_pair_gain_is_the_two_amplitude_least_squares():
+    """Both amplitudes free at once, from the Gram matrix alone."""
+    rng, jacobian, w = problem()
+    parents = tangent(w, jacobian)
+    columns = [rng.standard_normal(len(w)) + 0.2 * w for _ in range(2)]
+    trials = [score(effect(), c, parents) for c in columns]
+    both = np.column_stack([jacobian, *columns])
+    left = w - both @ np.linalg.lstsq(both, w, rcond=None)[0]
+    assert np.isclose(pair_gains(trials, parents.w)[0][0], w @ w - left @ left, rtol=1e-4)
