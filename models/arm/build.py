@@ -14,6 +14,7 @@ the joint (a gravity balancer) always to the link.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,11 +38,13 @@ class ElasticArm:
 
     Attributes:
         spec: The MJCF; treat as read-only (``spec.copy()`` before a change).
+        xml: Its text.
         rotors: Rotor hinge of each joint, base to tip: the joints' names.
         reducers: Reducer hinge of each joint, in the same order.
     """
 
     spec: mujoco.MjSpec
+    xml: str
     rotors: tuple[str, ...]
     reducers: tuple[str, ...]
 
@@ -138,9 +141,12 @@ def build_arm(table: ArmTable) -> ElasticArm:
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
     spec.compile()
     if path.suffix.lower() == ".urdf":  # read back, so that what is written is to the digit what is stepped
-        spec = mujoco.MjSpec.from_string(spec.to_xml())
+        xml = spec.to_xml()
+        spec = mujoco.MjSpec.from_string(xml)
         spec.compile()
-    return ElasticArm(spec, rotors, tuple(name + ELASTIC for name in rotors))
+    else:
+        xml = spec.to_xml()
+    return ElasticArm(spec, xml, rotors, tuple(name + ELASTIC for name in rotors))
 
 
 def read_arm(path: Path) -> ElasticArm:
@@ -163,12 +169,36 @@ def read_arm(path: Path) -> ElasticArm:
             f"has no joint pair NAME, NAME{ELASTIC}",
             fix="make one with: jointscope arm build TABLE --out FILE",
         )
-    return ElasticArm(spec, rotors, tuple(name + ELASTIC for name in rotors))
+    return ElasticArm(spec, path.read_text(encoding="utf-8"), rotors, tuple(name + ELASTIC for name in rotors))
 
 
 def write_arm(path: Path, arm: ElasticArm) -> None:
     """Write the arm's MJCF to ``path`` atomically."""
-    write_text(Path(path), arm.spec.to_xml())
+    write_text(Path(path), arm.xml)
+
+
+def with_reducers(
+    arm: ElasticArm, stiffness: Mapping[str, float], damping: Mapping[str, float]
+) -> ElasticArm:
+    """The arm with other K [N m/rad] and c [N m s/rad] of the joints that are named."""
+    spec = arm.spec.copy()
+    for values, attribute in ((stiffness, "stiffness"), (damping, "damping")):
+        for name, value in values.items():
+            setattr(spec.joint(arm.reducers[arm.index(name)]), attribute, [float(value), 0.0, 0.0])
+    spec.compile()
+    return ElasticArm(spec, spec.to_xml(), arm.rotors, arm.reducers)
+
+
+def with_drive(arm: ElasticArm, joint: str, stiffness: float, damping: float) -> ElasticArm:
+    """The arm with other drive gains of one joint, see :func:`add_drive`; its drive is added where it has none."""
+    arm.index(joint)
+    spec = arm.spec.copy()
+    drive = spec.actuator(joint + DRIVE)
+    if drive is not None:
+        spec.delete(drive)
+    add_drive(spec, joint, stiffness, damping)
+    spec.compile()
+    return ElasticArm(spec, spec.to_xml(), arm.rotors, arm.reducers)
 
 
 def _make_elastic(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, row: ElasticJoint, path: Path) -> None:

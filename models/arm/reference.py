@@ -103,7 +103,7 @@ def arm_reference(arm: ElasticArm) -> Reference:
     """Pinocchio's reading of the elastic arm's own MJCF."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "arm.xml"
-        path.write_text(_bare(arm.spec.to_xml()), encoding="utf-8")
+        path.write_text(_bare(arm.xml), encoding="utf-8")
         model = pin.buildModelFromMJCF(str(path))
     compiled = arm.spec.compile()
     model.gravity.linear = np.array(compiled.opt.gravity)

@@ -81,7 +81,7 @@ class ElasticJoint:
         """J_M = (J_m + J_s) n^2 [kg m^2] (paper, Equation 2), or ``None`` where the model's own armature counts."""
         if self.motor_inertia is None:
             return None
-        return (self.motor_inertia + self.reducer_inertia) * self.reduction_ratio**2
+        return (self.motor_inertia + self.reducer_inertia) * self.reduction_ratio * self.reduction_ratio
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class Payload:
     @property
     def inertia(self) -> float:
         """About its own centre, of a steel ball of that mass (7850 kg/m^3) [kg m^2]."""
-        radius = (3.0 * self.mass / (4.0 * math.pi * 7850.0)) ** (1.0 / 3.0)
+        radius = math.cbrt(3.0 * self.mass / (4.0 * math.pi * 7850.0))
         return 0.4 * self.mass * radius**2
 
 
