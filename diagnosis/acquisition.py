@@ -1,0 +1,99 @@
+"""Inputs as the machine felt them rather than as they were logged: clocks, lag, gain and slow logs undone."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from jointscope.recordings.bandlimited import Bandlimited, bandlimited
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly, Chain
+    from jointscope.diagnosis.prepare import PreparedRun
+
+Vector = NDArray[np.float64]
+
+_WEAKEST = 0.3  # an average's transfer is not divided by less than this
+
+
+def shifted(signal: Bandlimited, run: PreparedRun, chain: Chain) -> Vector:
+    """A late device's signal at the true half-step times: what happened at t was stamped (t + delay)(1 + clock)."""
+    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
+    return signal((half + chain.delay) * (1.0 + chain.clock))
+
+
+def load_input(assembly: Assembly) -> Vector:
+    """External torque on the arm at half steps [N m], shape (2 n + 1,): recorded over the sensor's true gain."""
+    run, gain = assembly.run, assembly.chain.force_gain
+    return run.load_half if gain == 1.0 else run.load_half / gain
+
+
+def driven_torque(assembly: Assembly) -> Vector:
+    """eta n T_e at half steps [N m], shape (2 n + 1,)."""
+    run, chain = assembly.run, assembly.chain
+    if run.motor is None:
+        return run.motor_half
+    if math.isfinite(chain.log_rate):
+        samples = relogged(run.motor.samples, run.motor.signal.rate, chain.log_rate, chain.log_kind)
+        signal = bandlimited(samples, run.motor.signal.rate, run.motor.signal.start)
+        torque = shifted(signal, run, chain) if run.late_motor else shifted(signal, run, type(chain)())
+    elif run.late_motor and (chain.delay != 0.0 or chain.clock != 0.0):
+        torque = shifted(run.motor.signal, run, chain)
+    else:
+        torque = run.motor_half
+    if chain.lag > 0.0:
+        torque = lagged(torque, chain.lag, 2.0 * run.grid_rate)
+    factor = assembly.base("efficiency") * assembly.base("torque_scale") * chain.torque_gain
+    return torque if factor == 1.0 else torque * factor
+
+
+def lagged(u: Vector, time_constant: float, rate: float) -> Vector:
+    """First-order lag, exact for an input that is linear between samples; settled at the first; shape of ``u``."""
+    r = time_constant * rate
+    decay = math.exp(-1.0 / r)
+    b1 = 1.0 - r * (1.0 - decay)
+    b0 = 1.0 - decay - b1
+    return np.asarray(u[0] + lfilter([b1, b0], [1.0, -decay], u - u[0]), dtype=np.float64)
+
+
+def relogged(samples: Vector, rate: float, log_rate: float, kind: str) -> Vector:
+    """The signal that a log held, averaged or thinned out at ``log_rate`` [Hz] stands for, at its stream's rate.
+
+    Args:
+        samples: As logged at ``rate`` [Hz], shape (n,).
+        rate: The stream's.
+        log_rate: The log's own.
+        kind: ``held`` (a staircase), ``averaged`` (mean over the last interval) or ``aliased`` (thinned without a
+            filter, then drawn with straight lines).
+    """
+    n = samples.size
+    window = 1.0 / log_rate
+    pad = min(n - 1, 256)
+    padded = np.concatenate([np.full(pad, samples[0]), samples, np.full(pad, samples[-1])])
+    ramp = np.linspace(padded[0], padded[-1], padded.size)
+    spectrum = np.fft.rfft(padded - ramp)
+    f = np.fft.rfftfreq(padded.size, 1.0 / rate)
+    size = np.sinc(f * window)
+    delay = 0.5 * window
+    if kind == "held":
+        delay = 0.5 * max(window - 1.0 / rate, 0.0)  # the sample at the update itself is on time
+        size = _dirichlet(f, window, rate)
+    elif kind == "aliased":
+        size = size**2
+        delay = 0.0
+    inverse = np.exp(2j * np.pi * f * delay) / np.maximum(np.abs(size), _WEAKEST)
+    inverse = np.where(f <= 0.5 * log_rate, inverse, 0.0 if log_rate < rate else 1.0)
+    restored = np.fft.irfft(spectrum * inverse, padded.size) + ramp
+    return np.asarray(restored[pad : pad + n], dtype=np.float64)
+
+
+def _dirichlet(f: Vector, window: float, rate: float) -> Vector:
+    """Transfer of a hold over ``window`` seen at ``rate``: the mean of its repeated samples."""
+    count = window * rate
+    top = np.sinc(f * window)
+    bottom = np.sinc(f / rate)
+    return np.asarray(top / np.maximum(bottom, 0.1) if count > 1.0 else np.ones_like(f))

@@ -1,0 +1,206 @@
+"""One run's model put together: base parameters and effects as the kernel's numbers, and the chain of acquisition.
+
+Effects write into an :class:`Assembly`; nothing else knows both an effect's parameters and the kernel's layout.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis import kernel
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+
+BASE_NAMES = (
+    "stiffness",
+    "damping",
+    "load_inertia",
+    "motor_inertia",
+    "motor_damping",
+    "load_damping",
+    "gravity_moment",
+    "efficiency",
+    "torque_scale",
+    "drive_gain",
+    "drive_integral",
+)
+BASE_INDEX = {name: index for index, name in enumerate(BASE_NAMES)}
+
+OBSERVER_HZ = 3.0  # below every resonance of a joint, above the drift of a torque log
+_OBSERVER_ZETA = 0.8
+
+
+@dataclass
+class Chain:
+    """What the instruments do to the signals; the neutral values do nothing.
+
+    Attributes:
+        delay: The devices that are not the DAQ stamp late by this [s].
+        clock: Their clock runs fast by this [-] (1e-6 = 1 ppm).
+        tilt: Accelerometer axis from tangential towards radial [rad].
+        resonance: Mount resonance of the accelerometer [Hz], ``inf`` without.
+        resonance_damping: Its damping ratio [-].
+        bandwidth: First-order bandwidth of the accelerometer [Hz], ``inf`` without.
+        saturation: Level at which the accelerometer clips [m/s^2 or rad/s^2], ``inf`` without.
+        accelerometer_gain: True over stated sensitivity [-].
+        force_gain: The same of the hammer's force [-].
+        torque_gain: True over stated torque constant or efficiency [-].
+        lag: Time constant with which the torque follows the logged one [s].
+        log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
+        log_kind: ``"held"``, ``"averaged"`` or ``"aliased"``.
+        vibration: Frequency [Hz] and amplitude [N m] of an outside disturbance.
+        vibration_mount: Whether it shakes the mount (amplitude in m/s^2 or rad/s^2) rather than pushing the arm.
+    """
+
+    delay: float = 0.0
+    clock: float = 0.0
+    tilt: float = 0.0
+    resonance: float = math.inf
+    resonance_damping: float = 0.05
+    bandwidth: float = math.inf
+    saturation: float = math.inf
+    accelerometer_gain: float = 1.0
+    force_gain: float = 1.0
+    torque_gain: float = 1.0
+    lag: float = 0.0
+    log_rate: float = math.inf
+    log_kind: str = "averaged"
+    vibration: tuple[float, float] = (1.0, 0.0)
+    vibration_mount: bool = False
+
+
+@dataclass
+class Assembly:
+    """Everything that one simulation of one run needs.
+
+    Attributes:
+        P: The kernel's numbers, shape (kernel.N_P,).
+        S: The kernel's switches, shape (kernel.N_S,).
+        run: The run that is simulated.
+        theta: Base parameters, in the order of ``BASE_NAMES``.
+        chain: The acquisition.
+    """
+
+    P: Vector
+    S: NDArray[np.int64]
+    run: PreparedRun
+    theta: Vector
+    chain: Chain = field(default_factory=Chain)
+
+    def base(self, name: str) -> float:
+        """One base parameter."""
+        return float(self.theta[BASE_INDEX[name]])
+
+    @property
+    def ratio(self) -> float:
+        """n."""
+        return self.run.ratio
+
+    @property
+    def drive_factor(self) -> float:
+        """Torque at the output per unit of the motor channel [N m]."""
+        known = self.base("efficiency") * self.base("torque_scale") * self.chain.torque_gain
+        return known * self.run.torque_factor
+
+    @property
+    def resonance(self) -> float:
+        """Scaling frequency of the wind-up [rad/s]: the arm's on the held motor."""
+        return math.sqrt(max(self.P[kernel.K], 1e-12) / self.P[kernel.J_L])
+
+    def line(self, first: int, count: int, values: tuple[float, float, float, float]) -> None:
+        """Add one periodic line (four numbers) to the block that starts at ``first``, of which ``count`` counts them."""
+        used = int(self.S[count])
+        if used >= 3:
+            return
+        self.P[first + 4 * used : first + 4 * used + 4] = values
+        self.S[count] = used + 1
+
+
+def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = False) -> Assembly:
+    """The base model of ``run`` at ``theta``; with ``free`` the model runs on inputs alone, without an observer."""
+    P, S = np.zeros(kernel.N_P), np.zeros(kernel.N_S, dtype=np.int64)
+    b = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
+    P[kernel.J_M], P[kernel.J_L], P[kernel.K], P[kernel.C] = (
+        b["motor_inertia"], b["load_inertia"], b["stiffness"], b["damping"],
+    )  # fmt: skip
+    P[kernel.B_M], P[kernel.B_L] = b["motor_damping"], b["load_damping"]
+    if problem.rig.motion == "rotational":
+        P[kernel.G_COS] = b["gravity_moment"]
+    else:
+        P[kernel.G_CONST] = b["gravity_moment"]
+    P[kernel.HYST_ANGLE] = 1.0
+    P[kernel.FM_SPEED] = P[kernel.FL_SPEED] = 1.0
+    P[kernel.FM_EXPONENT] = P[kernel.FL_EXPONENT] = 2.0
+    P[kernel.STOP_EXPONENT] = P[kernel.STOP_SIDE] = 1.0
+    P[kernel.LOOP_LIMIT] = 1e300
+    P[kernel.MOTOR_ZERO] = run.motor_zero
+    S[[kernel.AT_LINK, kernel.AT_NEAR, kernel.AT_BASE, kernel.AT_BRANCH, kernel.AT_LOOP]] = -1
+    S[kernel.N_X] = 4
+    S[kernel.MOTOR] = kernel.MOTOR_FREE if run.motor_moves else kernel.MOTOR_HELD
+    if run.mode == "prescribed-motor":
+        S[kernel.MOTOR] = kernel.MOTOR_PRESCRIBED
+    elif run.mode == "prescribed-load":
+        S[kernel.LOAD_PRESCRIBED] = 1
+    assembly = Assembly(P, S, run, theta)
+    if not run.spring:
+        P[kernel.K] = P[kernel.C] = 0.0
+    observed = run.observed
+    if observed is not None and not free:
+        w0 = 2.0 * math.pi * OBSERVER_HZ
+        if observed.rate_signal:
+            P[kernel.OBS_2] = w0
+        else:
+            P[kernel.OBS_1], P[kernel.OBS_2] = 2.0 * _OBSERVER_ZETA * w0, w0 * w0
+        row = {("motor", False): kernel.OBS_QS, ("motor", True): kernel.OBS_VS, ("arm", False): kernel.OBS_Q}.get(
+            (observed.side, observed.rate_signal), kernel.OBS_V
+        )
+        P[row] = 1.0
+    elif run.speed_command is not None and run.motor_moves:
+        close_loop(assembly)
+    return assembly
+
+
+def close_loop(assembly: Assembly) -> None:
+    """Let the drive's speed law hold the rigid body; a logged torque stays the input above the observer's corner."""
+    P, S, run = assembly.P, assembly.S, assembly.run
+    S[kernel.AT_LOOP] = S[kernel.N_X]
+    S[kernel.N_X] += 1
+    factor = assembly.base("efficiency")
+    gain = factor * max(assembly.base("drive_gain"), 1e-9)
+    P[kernel.LOOP_P] = gain
+    P[kernel.LOOP_I] = factor * assembly.base("drive_integral")
+    total = P[kernel.J_M] + P[kernel.J_L]
+    P[kernel.LOOP_MIX] = (
+        1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * OBSERVER_HZ / gain)
+    )
+    if run.torque_limit is not None:
+        P[kernel.LOOP_LIMIT] = factor * run.torque_limit
+
+
+def initial_state(assembly: Assembly, first_torque: float) -> Vector:
+    """The state at rest, in equilibrium at the run's arm angle, shape (S[N_X],)."""
+    P, S, run = assembly.P, assembly.S, assembly.run
+    x = np.zeros(int(S[kernel.N_X]))
+    q0 = run.initial_angle
+    weight = P[kernel.G_COS] * math.cos(q0) - P[kernel.G_SIN] * math.sin(q0) + P[kernel.G_CONST]
+    twist = float(kernel.windup(P, weight)) if run.spring else 0.0
+    error = 0.0
+    for i in range(int(S[kernel.N_TE])):
+        amplitude, per_motor, per_load, phase = P[kernel.TE_0 + 4 * i : kernel.TE_0 + 4 * i + 4]
+        error += amplitude * math.sin(per_motor * (q0 + run.motor_zero) + per_load * q0 + phase)
+    x[0] = q0 + twist - error if run.spring else q0
+    x[2] = q0
+    if S[kernel.AT_BASE] >= 0:
+        x[S[kernel.AT_BASE]] = -P[kernel.BASE_SHARE] / P[kernel.J_L] * weight / P[kernel.BASE_OMEGA] ** 2
+    if S[kernel.AT_LOOP] >= 0 and P[kernel.LOOP_I] > 0.0:
+        held = first_torque if run.motor_torque is not None else weight
+        x[S[kernel.AT_LOOP]] = held / P[kernel.LOOP_I]
+    return x

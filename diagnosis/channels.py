@@ -1,0 +1,202 @@
+"""From the model's states to what each instrument writes down.
+
+Order of the chain: the motion at the sensor, gravity and centripetal parts along its axis, sensitivity, mount
+resonance, high-pass of an ac coupling, the recorder's clock and anti-aliasing, saturation.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from jointscope.diagnosis import kernel
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Output, PreparedRun
+
+Vector = NDArray[np.float64]
+
+REACH = 16  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
+_TABLE = 512  # entries per sample of its table
+_KAISER = 7.0
+ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
+
+
+@lru_cache(maxsize=1)
+def _table() -> Vector:
+    offset = np.arange(REACH * _TABLE + 2) / _TABLE
+    window = np.i0(_KAISER * np.sqrt(np.clip(1.0 - (offset / REACH) ** 2, 0.0, 1.0))) / np.i0(_KAISER)
+    return np.asarray(np.sinc(offset) * window * (offset <= REACH), dtype=np.float64)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _read(x: Vector, rate: float, t0: float, times: Vector, cutoff: float, table: Vector, out: Vector) -> None:
+    """``x`` on a grid of ``rate`` from ``t0``, band-limited below half of ``cutoff``, at ``times``; odd at the ends."""
+    n = x.shape[0]
+    wide = REACH * rate / cutoff
+    for i in range(times.shape[0]):
+        at = (times[i] - t0) * rate
+        first = int(math.ceil(at - wide))
+        last = int(math.floor(at + wide))
+        total, weight = 0.0, 0.0
+        for j in range(first, last + 1):
+            position = abs(j - at) * cutoff / rate * _TABLE
+            cell = int(position)
+            part = position - cell
+            h = table[cell] + part * (table[cell + 1] - table[cell])
+            if j < 0:
+                value = 2.0 * x[0] - x[min(-j, n - 1)]
+            elif j >= n:
+                value = 2.0 * x[n - 1] - x[max(2 * n - 2 - j, 0)]
+            else:
+                value = x[j]
+            total += h * value
+            weight += h
+        out[i] = total / weight
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _decimate(x: Vector, step: int, offset: int, taps: Vector, out: Vector) -> None:
+    """The same where every wanted time is a node: ``out[i]`` at node ``offset + i step``."""
+    n = x.shape[0]
+    half = taps.shape[0] - 1
+    for i in range(out.shape[0]):
+        at = offset + i * step
+        total = 0.0
+        if at >= half and at + half < n:
+            total = taps[0] * x[at]
+            for j in range(1, half + 1):
+                total += taps[j] * (x[at - j] + x[at + j])
+        else:
+            for j in range(-half, half + 1):
+                index = at + j
+                if index < 0:
+                    value = 2.0 * x[0] - x[min(-index, n - 1)]
+                elif index >= n:
+                    value = 2.0 * x[n - 1] - x[max(2 * n - 2 - index, 0)]
+                else:
+                    value = x[index]
+                total += taps[abs(j)] * value
+        out[i] = total
+
+
+@lru_cache(maxsize=64)
+def _taps(ratio: int) -> Vector:
+    grid = np.arange(REACH * ratio + 1) * _TABLE / ratio
+    taps = np.interp(grid, np.arange(_table().size), _table())
+    return np.asarray(taps / (taps[0] + 2.0 * taps[1:].sum()))
+
+
+def recorded(x: Vector, grid_rate: float, t0: float, times: Vector, rate: float) -> Vector:
+    """What a recorder of ``rate`` [Hz] holds at ``times`` [s] of a signal on the grid, shape of ``times``.
+
+    Band-limited below half of ``rate``, as the campaign format says that a sample is.
+    """
+    out = np.empty(times.size)
+    ratio = grid_rate / rate
+    offset = (times[0] - t0) * grid_rate if times.size else 0.0
+    whole = round(ratio)
+    aligned = abs(ratio - whole) < 1e-9 * whole and abs(offset - round(offset)) < 1e-6
+    if aligned and abs((times[-1] - times[0]) * rate - (times.size - 1)) < 1e-6:
+        if whole == 1:
+            return np.asarray(x[round(offset) : round(offset) + times.size], dtype=np.float64).copy()
+        _decimate(x, whole, round(offset), _taps(whole), out)
+    else:
+        _read(x, grid_rate, t0, times, min(rate, grid_rate), _table(), out)
+    return out
+
+
+def high_pass(x: Vector, corner: float, rate: float) -> Vector:
+    """First-order high-pass at ``corner`` [Hz], settled at the first sample; same shape."""
+    k = math.tan(math.pi * corner / rate)
+    b, a = np.array([1.0, -1.0]) / (1.0 + k), np.array([1.0, (k - 1.0) / (1.0 + k)])
+    return np.asarray(lfilter(b, a, x - x[0]), dtype=np.float64)
+
+
+def mount_resonance(x: Vector, frequency: float, damping: float, rate: float) -> Vector:
+    """w^2/(s^2 + 2 zeta w s + w^2) at ``frequency`` [Hz] on a grid of ``rate`` [Hz], prewarped, settled at first."""
+    k = math.tan(math.pi * min(frequency, 0.45 * rate) / rate)
+    norm = 1.0 + 2.0 * damping * k + k * k
+    b = np.array([1.0, 2.0, 1.0]) * k * k / norm
+    a = np.array([1.0, 2.0 * (k * k - 1.0) / norm, (1.0 - 2.0 * damping * k + k * k) / norm])
+    return np.asarray(x[0] + lfilter(b, a, x - x[0]), dtype=np.float64)
+
+
+def low_pass(x: Vector, corner: float, rate: float) -> Vector:
+    """First-order low-pass at ``corner`` [Hz], settled at the first sample; same shape."""
+    k = math.tan(math.pi * min(corner, 0.45 * rate) / rate)
+    b, a = np.array([k, k]) / (1.0 + k), np.array([1.0, (k - 1.0) / (1.0 + k)])
+    return np.asarray(x[0] + lfilter(b, a, x - x[0]), dtype=np.float64)
+
+
+def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output) -> Vector:
+    """One channel's prediction, shape of ``output.data``, from the kernel's rows, shape (n + 1, kernel.N_OUT)."""
+    chain = assembly.chain
+    x = _at_sensor(states, assembly, run, output)
+    if output.quantity in ACCELERATIONS:
+        if chain.accelerometer_gain != 1.0:
+            x = chain.accelerometer_gain * x
+        if math.isfinite(chain.resonance):
+            x = mount_resonance(x, chain.resonance, chain.resonance_damping, run.grid_rate)
+        if math.isfinite(chain.bandwidth):
+            x = low_pass(x, chain.bandwidth, run.grid_rate)
+        if output.low_cutoff is not None:
+            x = high_pass(x, output.low_cutoff, run.grid_rate)
+    if output.high_pass is not None:
+        x = high_pass(x, output.high_pass, run.grid_rate)
+    times = output.times
+    if output.late and (chain.delay != 0.0 or chain.clock != 0.0):
+        times = times / (1.0 + chain.clock) - chain.delay
+    y = recorded(x, run.grid_rate, run.t0, times, output.rate)
+    if math.isfinite(chain.saturation) and output.quantity in ACCELERATIONS:
+        y = np.clip(y, -chain.saturation, chain.saturation)
+    return y
+
+
+def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Output) -> Vector:
+    """The physical quantity at the sensor on the simulation grid, in the output's unit."""
+    quantity, n = output.quantity, run.ratio
+    motor = output.location == "motor"
+    if quantity in ("angle", "position"):
+        column = states[:, kernel.X_QS] if motor else states[:, kernel.X_Q]
+        return np.asarray((column - column[0] + run.initial_angle) * (n if motor else 1.0))
+    if quantity in ("angular-velocity", "velocity"):
+        return np.asarray(states[:, kernel.X_VS] * n if motor else states[:, kernel.X_V])
+    if quantity in ("torque", "current", "voltage", "force") and run.mode != "prescribed-load":
+        column = states[:, kernel.X_TEXT if run.mode == "prescribed-motor" else kernel.X_TAU]
+        return np.asarray(column / assembly.drive_factor)
+    if quantity == "force":
+        return np.asarray(states[:, kernel.X_TEXT] / (output.radius or 1.0))
+    if motor:
+        return np.asarray(states[:, kernel.X_AS] * n)
+    acceleration = states[:, kernel.X_A]
+    if assembly.S[kernel.AT_LINK] >= 0 and assembly.P[kernel.LINK_SENSE] != 0.0:
+        acceleration = acceleration + assembly.P[kernel.LINK_SENSE] * states[:, kernel.X_LINK]
+    if quantity != "linear-acceleration":
+        return np.asarray(acceleration)
+    return _specific_force(states, np.asarray(acceleration), assembly, output)
+
+
+def _specific_force(states: Vector, acceleration: Vector, assembly: Assembly, output: Output) -> Vector:
+    """Accelerometer on the arm: tangential r q'' + g cos q, radial -r q'^2 + g sin q, mixed by its tilt [m/s^2]."""
+    radius = output.radius or 1.0
+    tilt, g = assembly.chain.tilt, output.gravity
+    radial = output.direction == "radial"
+    along, across = (math.sin(tilt), math.cos(tilt)) if radial else (math.cos(tilt), math.sin(tilt))
+    if radial:
+        along = -along
+    total = along * radius * acceleration
+    if g != 0.0 or across != 0.0:
+        q = states[:, kernel.X_Q]
+        if g != 0.0 and along != 0.0:
+            total = total + along * g * np.cos(q)
+        if across != 0.0:
+            total = total + across * (g * np.sin(q) - radius * states[:, kernel.X_V] ** 2)
+    return np.asarray(total)

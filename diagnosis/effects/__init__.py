@@ -1,0 +1,75 @@
+"""The catalogue: every effect of the diagnosis contract at each of its locations, one small file per family.
+
+``REGISTRY`` holds the specs as written; :func:`catalogue` fits their bounds and units to the rig at hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.effects import (
+    drive,
+    friction,
+    load,
+    modes,
+    periodic,
+    recorder,
+    sensors,
+    transmission,
+    vibration,
+)
+from jointscope.diagnosis.effects.load import PAYLOAD
+from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, ParameterSpec
+from jointscope.diagnosis.effects.transmission import DRIFT_PER_RUN
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import Problem
+
+__all__ = [
+    "DRIFT_PER_RUN",
+    "PAYLOAD",
+    "REGISTRY",
+    "ActiveEffect",
+    "EffectSpec",
+    "ParameterSpec",
+    "catalogue",
+    "with_run_weights",
+]
+
+REGISTRY: tuple[EffectSpec, ...] = (
+    *friction.SPECS,
+    *transmission.SPECS,
+    *periodic.SPECS,
+    *drive.SPECS,
+    *load.SPECS,
+    *modes.SPECS,
+    *vibration.SPECS,
+    *recorder.SPECS,
+    *sensors.SPECS,
+)
+
+_TRANSLATIONAL = (("kg m^2", "kg"), ("N m", "N"), ("rad", "m"))
+
+
+def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
+    """``REGISTRY`` with the bounds and units of the rig at hand."""
+    return tuple(_fitted(spec, problem) for spec in REGISTRY)
+
+
+def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Problem) -> EffectSpec:
+    """``PAYLOAD`` or ``DRIFT_PER_RUN`` for given runs: the amplitude's factor in each, in the order of problem.runs."""
+    return replace(_fitted(spec, problem), run_weights=weights)
+
+
+def _fitted(spec: EffectSpec, problem: Problem) -> EffectSpec:
+    limits = spec.limits(problem)
+    parameters = []
+    for parameter in spec.parameters:
+        lower, upper = limits.get(parameter.name, (parameter.lower, parameter.upper))
+        unit = parameter.unit
+        if problem.rig.motion == "translational":
+            for rotational, translational in _TRANSLATIONAL:
+                unit = unit.replace(rotational, translational)
+        parameters.append(replace(parameter, lower=lower, upper=upper, unit=unit))
+    return replace(spec, parameters=tuple(parameters))

@@ -1,0 +1,79 @@
+r"""Between the logged torque and the shaft: the current loop's lag, and a torque constant or efficiency that is off.
+
+    tau = eta n T_e / (1 + s tau_e)          drive-lag
+    tau = gain eta n T_e                     torque-gain
+
+Facts used as tests: the lag's gain is 1/sqrt(1 + (w tau_e)^2), a gain scales a linear response exactly.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.effects.spec import EffectSpec, ParameterSpec, Values, needs_motor_torque, one_start
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+
+def _lag(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.lag += values[0]
+
+
+def _gain(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.torque_gain *= values[0]
+
+
+def _lag_possible(problem: Problem) -> str | None:
+    return needs_motor_torque(problem)
+
+
+def _gain_possible(problem: Problem) -> str | None:
+    reason = needs_motor_torque(problem)
+    if reason is not None:
+        return reason
+    free = problem.base.free
+    if free[BASE_INDEX["torque_scale"]] or free[BASE_INDEX["efficiency"]]:
+        return "the torque's scale is not on the nameplate, so it is a parameter"
+    if not all(run.motor.calibrated for run in problem.runs if run.motor is not None):
+        return "the torque is not calibrated"
+    hit = any(run.load is not None and run.load.calibrated for run in problem.runs)
+    exact = any(run.motor_moves for run in problem.runs) and not free[BASE_INDEX["motor_inertia"]]
+    weighed = problem.rig.plane == "vertical" and not free[BASE_INDEX["gravity_moment"]]
+    if not (hit or exact or (weighed and problem.base.start[BASE_INDEX["gravity_moment"]] != 0.0)):
+        return "no absolute inertia, force or weight is known beside the torque"
+    return None
+
+
+SPECS: tuple[EffectSpec, ...] = (
+    EffectSpec(
+        name="drive-lag",
+        location="motor",
+        variant="first-order",
+        family="input",
+        parameters=(ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),),
+        law="tau = eta n T_e / (1 + s tau_e)",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=("delay", "torque-logging", "sensor-resonance"),
+        apply=_lag,
+        scale=lambda problem: (1e-4, 5e-4, 2e-3),
+        starts=one_start,
+        possible=_lag_possible,
+    ),
+    EffectSpec(
+        name="torque-gain",
+        location="motor",
+        variant="constant",
+        family="input",
+        parameters=(ParameterSpec("gain", "1", 0.3, 3.0, null=1.0),),
+        law="tau = gain eta n T_e",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=("load-dependent-friction", "sensor-gain", "payload"),
+        apply=_gain,
+        scale=lambda problem: (1.01, 1.05, 1.15),
+        starts=one_start,
+        possible=_gain_possible,
+    ),
+)

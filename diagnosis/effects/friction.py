@@ -1,0 +1,228 @@
+r"""Dry friction at motor or arm, friction that grows with load, and drag.
+
+    T_f = T (1 +- asymmetry) sgn(w)                                     Coulomb
+    T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
+    T_f = mu |T_S| sgn(w)                                               load-dependent
+    T_f = c_q w |w|                                                     quadratic
+
+Facts used as tests: a free ring-down loses 2 T w_0 / (pi K) of amplitude per second to Coulomb friction, whatever the
+amplitude, and 4 c_q w_0 A^2 / (3 pi J) to quadratic drag; the resonance is not moved.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    Location,
+    ParameterSpec,
+    Possible,
+    Scale,
+    Starts,
+    Values,
+    needs_motor,
+    one_start,
+    share_of,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+
+def _blocks(location: str) -> tuple[int, int]:
+    if location == "motor":
+        return kernel.FM_PLUS, kernel.FRICTION_M
+    return kernel.FL_PLUS, kernel.FRICTION_L
+
+
+def _dry(assembly: Assembly, location: str, plus: float, minus: float) -> int:
+    first, switch = _blocks(location)
+    assembly.P[first] += plus
+    assembly.P[first + 1] += minus
+    assembly.S[switch] = 1
+    return first
+
+
+def _coulomb(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        asymmetry = values[1] if len(values) > 1 else 0.0
+        _dry(assembly, location, values[0] * (1.0 + asymmetry), values[0] * (1.0 - asymmetry))
+
+    return apply
+
+
+def _stribeck(location: str, exponent: float) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, breakaway, speed = values
+        first = _dry(assembly, location, torque, torque)
+        assembly.P[first + 2] = max(breakaway / max(torque, 1e-12) - 1.0, 0.0)
+        assembly.P[first + 3], assembly.P[first + 4] = speed, exponent
+
+    return apply
+
+
+def _load_dependent(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        first = _dry(assembly, location, 0.0, 0.0)
+        assembly.P[first + 5] += values[0]
+
+    return apply
+
+
+def _quadratic(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.C_QUADRATIC] += values[0]
+
+
+def _sizes(location: str) -> Scale:
+    def scale(problem: Problem) -> tuple[float, float, float]:
+        s = problem.scales
+        if location == "motor" and s.motor_torque > 0.0:
+            return share_of(problem, "motor_torque", 0.01, 0.04, 0.15)
+        return share_of(problem, "torque", 0.003, 0.02, 0.1)
+
+    return scale
+
+
+def _possible(location: str) -> Possible:
+    def possible(problem: Problem) -> str | None:
+        return needs_motor(problem) if location == "motor" else None
+
+    return possible
+
+
+def _speeds(location: str) -> Starts:
+    def starts(problem: Problem) -> tuple[Values, ...]:
+        s = problem.scales
+        top = s.motor_speed if location == "motor" else s.speed
+        torque = _sizes(location)(problem)[1]
+        return tuple((1.4 * torque, share * max(top, 1e-6)) for share in (0.01, 0.04, 0.15))
+
+    return starts
+
+
+def _torque_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    s = problem.scales
+    top = 3.0 * max(s.torque, s.motor_torque)
+    speed = max(s.speed, s.motor_speed)
+    return {
+        "torque": (0.0, top),
+        "breakaway": (1e-6 * top, 2.0 * top),
+        "stribeck_velocity": (1e-4 * speed, 2.0 * speed),
+    }
+
+
+def _drag_sizes(problem: Problem) -> tuple[float, float, float]:
+    s = problem.scales
+    small, medium, large = share_of(problem, "torque", 0.003, 0.02, 0.1)
+    speed = max(s.speed, 1e-9) ** 2
+    return small / speed, medium / speed, large / speed
+
+
+def _drag_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    return {"coefficient": (0.0, 100.0 * _drag_sizes(problem)[2])}
+
+
+_TORQUE = ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0)
+_ASYMMETRY = ParameterSpec("asymmetry", "1", -0.9, 0.9)
+_ALIKE = ("stribeck-friction", "load-dependent-friction", "hysteresis", "backlash")
+
+
+def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
+    common = {
+        "plain": ((_TORQUE,), one_start),
+        "asymmetric": ((_TORQUE, _ASYMMETRY), lambda problem: ((0.05,),)),
+    }
+    return tuple(
+        EffectSpec(
+            name="coulomb-friction",
+            location=location,
+            variant=variant,
+            family="dissipative",
+            parameters=parameters,
+            law="T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
+            revealed_by=("speed-motion", "torque-sweep") if location == "motor" else ("hammer", "speed-motion"),
+            look_alikes=_ALIKE,
+            apply=_coulomb(location),
+            scale=_sizes(location),
+            starts=starts,
+            possible=_possible(location),
+            limits=_torque_limits,
+        )
+        for variant, (parameters, starts) in common.items()
+    )
+
+
+def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
+    return tuple(
+        EffectSpec(
+            name="stribeck-friction",
+            location=location,
+            variant=variant,
+            family="dissipative",
+            parameters=(
+                _TORQUE,
+                ParameterSpec("breakaway", "N m", 1e-9, 1e9, log=True),
+                ParameterSpec("stribeck_velocity", "rad/s", 1e-9, 1e6, log=True),
+            ),
+            law="[T + (T_b - T) exp(-|w/w_s|^a)] sgn(w)",
+            revealed_by=("speed-motion",),
+            look_alikes=("coulomb-friction", "load-dependent-friction"),
+            apply=_stribeck(location, exponent),
+            scale=_sizes(location),
+            starts=_speeds(location),
+            possible=_possible(location),
+            limits=_torque_limits,
+        )
+        for variant, exponent in (("gaussian", 2.0), ("exponential", 1.0))
+    )
+
+
+def _share_sizes(problem: Problem) -> tuple[float, float, float]:
+    return 0.01, 0.05, 0.15
+
+
+SPECS: tuple[EffectSpec, ...] = (
+    *_coulomb_specs("motor"),
+    *_coulomb_specs("load"),
+    *_stribeck_specs("motor"),
+    *_stribeck_specs("load"),
+    *(
+        EffectSpec(
+            name="load-dependent-friction",
+            location="transmission",
+            variant=variant,
+            family="dissipative",
+            parameters=(ParameterSpec("coefficient", "1", 0.0, 0.9, null=0.0),),
+            law="mu |T_S| sgn(w) against the motion of the " + side,
+            revealed_by=("speed-motion", "torque-sweep", "hammer"),
+            look_alikes=("coulomb-friction", "torque-gain", "structural-damping"),
+            apply=_load_dependent(side),
+            scale=_share_sizes,
+            starts=one_start,
+            possible=possible,
+        )
+        for variant, side, possible in (
+            ("input-side", "motor", needs_motor),
+            ("output-side", "load", lambda problem: None),
+        )
+    ),
+    EffectSpec(
+        name="quadratic-damping",
+        location="load",
+        variant="drag",
+        family="dissipative",
+        parameters=(ParameterSpec("coefficient", "N m s^2/rad^2", 0.0, 1e12, null=0.0),),
+        law="c_q w |w|",
+        revealed_by=("speed-motion", "hammer"),
+        look_alikes=("coulomb-friction", "hysteresis"),
+        apply=_quadratic,
+        scale=_drag_sizes,
+        starts=one_start,
+        possible=lambda problem: None,
+        limits=_drag_limits,
+    ),
+)

@@ -1,0 +1,3 @@
+from jointscope.diagnosis.effects.spec import EffectSpec
+SPECS: tuple[EffectSpec, ...] = ()
+PAYLOAD = None

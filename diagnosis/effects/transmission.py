@@ -1,0 +1,293 @@
+r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, hysteresis, structural damping.
+
+    T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
+    T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
+    T_S = K Delta - dK clip(Delta, +-d)                                          soft at low torque (dK > 0)
+    T_S = K Delta + T z,  z' = (v/D)(1 - [sgn(v z)/2 + 1/2]|z|^nu),  D = T/stiffness   Bouc-Wen, Dahl, Maxwell-slip
+    T_S = K (1 + i eta) Delta, by relaxation branches or rate-independently      structural damping
+    T_S = K (1 + rate t) Delta                                                   drift
+
+Facts used as tests: the backbone f(A)/f_0 = sqrt(N(A)/K) with the dead zone's describing function N, 1 + 3 k_3 A^2/(8 K)
+for the cubic; a Maxwell-slip or Bouc-Wen loop closes and its area does not depend on the rate.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+_BRANCHES = 5
+_SPACING = 4.0  # of the branches' relaxation times: loss factor flat within 3 % over two decades
+
+
+def _backlash(damping_inside: float) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        assembly.P[kernel.GAP_HALF] = 0.5 * values[0]
+        assembly.P[kernel.GAP_CENTRE] = 0.5 * values[0] * values[1] if len(values) > 1 else 0.0
+        assembly.P[kernel.GAP_DAMPING] = damping_inside
+
+    return apply
+
+
+def _cubic(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.K_3] += values[0]
+    if len(values) > 1:
+        assembly.P[kernel.K_2] += values[1]
+
+
+def _piecewise(assembly: Assembly, values: Values, weight: float) -> None:
+    share, angle = values
+    assembly.P[kernel.K_SOFT] = share * assembly.P[kernel.K]
+    assembly.P[kernel.SOFT_ANGLE] = angle
+
+
+def _hysteresis(kind: int) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, stiffness = values
+        assembly.P[kernel.HYST_TORQUE] = torque
+        assembly.P[kernel.HYST_ANGLE] = max(torque / stiffness, 1e-15)
+        assembly.S[kernel.HYST_KIND] = kind
+
+    return apply
+
+
+def branches(loss_factor: float, stiffness: float, omega: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Relaxation branches whose loss factor is flat about ``omega`` [rad/s].
+
+    Returns:
+        Stiffnesses [N m/rad] and times [s], shape (5,), and the storage stiffness that they add at ``omega``.
+    """
+    times = _SPACING ** (np.arange(_BRANCHES) - (_BRANCHES - 1) / 2.0) / omega
+    x = omega * times
+    loss, storage = np.sum(x / (1.0 + x * x)), np.sum(x * x / (1.0 + x * x))
+    each = loss_factor * stiffness / loss
+    return np.full(_BRANCHES, each), times, float(each * storage)
+
+
+def _structural_branches(assembly: Assembly, values: Values, weight: float) -> None:
+    P, S = assembly.P, assembly.S
+    stiffness, times, storage = branches(values[0], P[kernel.K], assembly.resonance)
+    P[kernel.BRANCH_0 : kernel.BRANCH_0 + 2 * _BRANCHES : 2] = stiffness
+    P[kernel.BRANCH_0 + 1 : kernel.BRANCH_0 + 2 * _BRANCHES : 2] = times
+    P[kernel.K] -= storage
+    S[kernel.AT_BRANCH], S[kernel.N_BRANCH] = S[kernel.N_X], _BRANCHES
+    S[kernel.N_X] += _BRANCHES
+
+
+def _structural_reid(assembly: Assembly, values: Values, weight: float) -> None:
+    # K |Delta| sgn(v) loses 2 K A^2 per cycle, a loss factor eta loses pi eta K A^2
+    assembly.P[kernel.REID] = 0.5 * math.pi * values[0]
+    assembly.P[kernel.REID_OMEGA] = assembly.resonance
+
+
+def _drift(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.DRIFT] += values[0]
+
+
+def _drift_per_run(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.K] *= max(1.0 + values[0] * weight, 0.05)
+
+
+def _angle_sizes(problem: Problem) -> tuple[float, float, float]:
+    a = problem.scales.wind_up
+    return 0.01 * a, 0.08 * a, 0.4 * a
+
+
+def _gap_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    return {"gap": (0.0, 4.0 * problem.scales.wind_up)}
+
+
+def _stiffness(problem: Problem) -> float:
+    return float(problem.base.start[0])
+
+
+def _cubic_sizes(problem: Problem) -> tuple[float, float, float]:
+    unit = _stiffness(problem) / problem.scales.wind_up**2
+    return 0.01 * unit, 0.06 * unit, 0.3 * unit
+
+
+def _cubic_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    unit = _stiffness(problem) / problem.scales.wind_up**2
+    return {"cubic": (-0.3 * unit, 10.0 * unit), "quadratic": (-unit, unit)}
+
+
+def _soft_starts(problem: Problem) -> tuple[Values, ...]:
+    a = problem.scales.wind_up
+    return tuple((share * a,) for share in (0.05, 0.15, 0.4))
+
+
+def _soft_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    a = problem.scales.wind_up
+    return {"transition_angle": (1e-3 * a, a)}
+
+
+def _loop_sizes(problem: Problem) -> tuple[float, float, float]:
+    t = problem.scales.torque
+    return 0.005 * t, 0.03 * t, 0.12 * t
+
+
+def _loop_starts(problem: Problem) -> tuple[Values, ...]:
+    torque, a = _loop_sizes(problem)[1], problem.scales.wind_up
+    return tuple((torque / (share * a),) for share in (0.03, 0.1, 0.3))
+
+
+def _loop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    t, a = problem.scales.torque, problem.scales.wind_up
+    return {"torque": (0.0, 2.0 * t), "stiffness": (1e-4 * t / a, 1e3 * t / a)}
+
+
+def _not_per_run(problem: Problem) -> str | None:
+    reason = needs_spring(problem)
+    if reason is None and len(problem.runs) < 4:
+        return "fewer than four runs"
+    return reason
+
+
+_HITS = ("hammer", "torque-sweep")
+_SPRING = ("stiffness-nonlinearity", "backlash", "hysteresis")
+
+SPECS: tuple[EffectSpec, ...] = (
+    *(
+        EffectSpec(
+            name="backlash",
+            location="transmission",
+            variant=variant,
+            family="stiffness",
+            parameters=parameters,
+            law="K dz(Delta, gap/2), c acting " + ("in contact only" if inside == 0.0 else "always"),
+            revealed_by=_HITS,
+            look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
+            apply=_backlash(inside),
+            scale=_angle_sizes,
+            starts=starts,
+            possible=needs_spring,
+            limits=_gap_limits,
+        )
+        for variant, inside, parameters, starts in (
+            ("free-flight", 0.0, (ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0),), one_start),
+            ("damped", 1.0, (ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0),), one_start),
+            (
+                "off-centre",
+                0.0,
+                (ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0), ParameterSpec("centre", "1", -1.0, 1.0)),
+                lambda problem: ((-0.7,), (0.7,)),
+            ),
+        )
+    ),
+    EffectSpec(
+        name="stiffness-nonlinearity",
+        location="transmission",
+        variant="cubic",
+        family="stiffness",
+        parameters=(ParameterSpec("cubic", "N m/rad^3", -1e30, 1e30, null=0.0),),
+        law="K Delta + k_3 Delta^3",
+        revealed_by=_HITS,
+        look_alikes=_SPRING[1:],
+        apply=_cubic,
+        scale=_cubic_sizes,
+        starts=one_start,
+        possible=needs_spring,
+        limits=_cubic_limits,
+    ),
+    EffectSpec(
+        name="stiffness-nonlinearity",
+        location="transmission",
+        variant="piecewise",
+        family="stiffness",
+        parameters=(
+            ParameterSpec("soft_share", "1", -1.0, 0.9, null=0.0),
+            ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
+        ),
+        law="K Delta outside +-d, (1 - soft_share) K inside",
+        revealed_by=_HITS,
+        look_alikes=_SPRING[1:],
+        apply=_piecewise,
+        scale=lambda problem: (0.02, 0.12, 0.4),
+        starts=_soft_starts,
+        possible=needs_spring,
+        limits=_soft_limits,
+    ),
+    *(
+        EffectSpec(
+            name="hysteresis",
+            location="transmission",
+            variant=variant,
+            family="hysteretic",
+            parameters=(
+                ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0),
+                ParameterSpec("stiffness", "N m/rad", 1e-6, 1e15, log=True),
+            ),
+            law="K Delta + T z(Delta), initial slope K + stiffness",
+            revealed_by=_HITS,
+            look_alikes=("coulomb-friction", "structural-damping", "stiffness-nonlinearity"),
+            apply=_hysteresis(kind),
+            scale=_loop_sizes,
+            starts=_loop_starts,
+            possible=needs_spring,
+            limits=_loop_limits,
+        )
+        for variant, kind in (
+            ("bouc-wen", kernel.BOUC_WEN),
+            ("maxwell-slip", kernel.MAXWELL_SLIP),
+            ("dahl", kernel.DAHL),
+        )
+    ),
+    *(
+        EffectSpec(
+            name="structural-damping",
+            location="transmission",
+            variant=variant,
+            family="dissipative",
+            parameters=(ParameterSpec("loss_factor", "1", 0.0, 0.8, null=0.0),),
+            law=law,
+            revealed_by=("hammer", "torque-sweep"),
+            look_alikes=("hysteresis", "load-dependent-friction"),
+            apply=apply,
+            scale=lambda problem: (0.005, 0.03, 0.1),
+            starts=one_start,
+            possible=needs_spring,
+        )
+        for variant, law, apply in (
+            ("relaxation", "K (1 + i eta) Delta by five relaxation branches", _structural_branches),
+            ("rate-independent", "K Delta + (pi eta/2) K |Delta| sgn(Delta')", _structural_reid),
+        )
+    ),
+    EffectSpec(
+        name="stiffness-drift",
+        location="transmission",
+        variant="in-run",
+        family="stiffness",
+        parameters=(ParameterSpec("rate", "1/s", -0.2, 0.2, null=0.0),),
+        law="K (1 + rate t)",
+        revealed_by=("hammer", "torque-sweep"),
+        look_alikes=("stiffness-nonlinearity",),
+        apply=_drift,
+        scale=lambda problem: (0.002, 0.01, 0.05),
+        starts=one_start,
+        possible=needs_spring,
+    ),
+)
+
+DRIFT_PER_RUN = EffectSpec(
+    name="stiffness-drift",
+    location="transmission",
+    variant="per-run",
+    family="stiffness",
+    parameters=(ParameterSpec("rate", "per run", -0.2, 0.2, null=0.0),),
+    law="K (1 + rate k) in the k-th run",
+    revealed_by=("hammer",),
+    look_alikes=("stiffness-nonlinearity", "payload"),
+    apply=_drift_per_run,
+    scale=lambda problem: (0.0005, 0.002, 0.01),
+    starts=one_start,
+    possible=_not_per_run,
+)

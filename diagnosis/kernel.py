@@ -1,0 +1,523 @@
+r"""The reduced-order joint, compiled once: two inertias, every catalogue effect switchable by a number.
+
+All at the joint output, q_s = motor angle / n, Delta = q_s + e - q (e: kinematic error):
+
+    J_L q'' + b_l q' = T_S + T_ext - gravity(q) + load forces
+    J_M q_s'' + b_m q_s' = tau - T_S + motor forces
+    T_S = K Delta + c Delta' + transmission laws
+
+Fixed-step fourth-order Runge-Kutta. Dry friction is handled exactly: inside a step its direction is fixed, a reversal
+is located, the velocity set to zero there, and the contact sticks for as long as the net torque stays below breakaway
+(no smoothed sign). Rate-independent hysteresis is closed-form along the step, so it adds no stiffness. Play and stops
+are exact piecewise laws.
+
+With a recorded angle a fixed-gain observer moves the rigid body only (both inertias alike, so the wind-up is left
+alone): x' = f(x, u) + L (y - C x).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+_compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+
+# --- numbers of the packed vector P -------------------------------------------------------------------------------
+J_M, J_L, K, C, B_M, B_L = 0, 1, 2, 3, 4, 5
+G_COS, G_SIN, G_CONST = 6, 7, 8  # gravity: -(G_COS cos q - G_SIN sin q) - G_CONST [N m]
+GAP_HALF, GAP_CENTRE, GAP_DAMPING = 9, 10, 11  # half play [rad], its centre [rad], share of c inside it [-]
+K_2, K_3, K_SOFT, SOFT_ANGLE = 12, 13, 14, 15  # K_SOFT: stiffness missing within +-SOFT_ANGLE
+HYST_TORQUE, HYST_ANGLE = 16, 17
+REID, REID_OMEGA = 18, 19  # loss factor of the rate-independent structural law, and its scaling frequency [rad/s]
+DRIFT = 20  # relative stiffness change per second [1/s]
+FM_PLUS, FM_MINUS, FM_EXCESS, FM_SPEED, FM_EXPONENT, FM_LOAD = 21, 22, 23, 24, 25, 26
+FL_PLUS, FL_MINUS, FL_EXCESS, FL_SPEED, FL_EXPONENT, FL_LOAD = 27, 28, 29, 30, 31, 32
+C_QUADRATIC = 33
+STOP_ANGLE, STOP_K, STOP_C, STOP_EXPONENT, STOP_SIDE = 34, 35, 36, 37, 38
+LINK_J, LINK_OMEGA, LINK_ZETA, LINK_HIT, LINK_SENSE = 39, 40, 41, 42, 43
+NEAR_J, NEAR_OMEGA, NEAR_ZETA = 44, 45, 46
+BASE_SHARE, BASE_OMEGA, BASE_ZETA = 47, 48, 49
+LOOP_MIX, LOOP_P, LOOP_I, LOOP_LIMIT = 50, 51, 52, 53
+OBS_1, OBS_2, OBS_QS, OBS_VS, OBS_Q, OBS_V = 54, 55, 56, 57, 58, 59
+MOTOR_ZERO = 60  # recorded motor angle / n minus the model's q_s [rad]: phase reference of motor orders
+TE_0 = 61  # three lines of (amplitude, per q_s, per q, phase)
+RIPPLE_0 = 73  # three lines of (amplitude, share of tau, per q_s, phase)
+BRANCH_0 = 85  # five branches of (stiffness, relaxation time)
+N_P = 95
+
+# --- integers of the switch vector S ------------------------------------------------------------------------------
+N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
+MOTOR, HYST_KIND, N_TE, N_RIPPLE, FRICTION_M, FRICTION_L, LOAD_PRESCRIBED = 7, 8, 9, 10, 11, 12, 13
+N_S = 14
+MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
+DAHL, BOUC_WEN, MAXWELL_SLIP = 1, 2, 3
+
+# --- columns of the result ----------------------------------------------------------------------------------------
+X_QS, X_VS, X_AS, X_Q, X_V, X_A, X_LINK, X_TS, X_TAU, X_TEXT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+N_OUT = 10
+
+_N_AUX = 16
+_STRUCTURAL_WIDTH = 0.05  # of the velocity amplitude at REID_OMEGA over which the structural law turns round
+_MAX_EVENTS = 12
+
+
+@_compiled
+def _loop(z: float, d: float, y: float, kind: int) -> float:
+    """Normalised hysteretic torque after a monotone travel ``d`` from the state ``z``; yield angle ``y``."""
+    if d == 0.0:
+        return z
+    s = 1.0 if d > 0.0 else -1.0
+    r = abs(d) / y
+    if kind == 1:
+        return s + (z - s) * math.exp(-r)
+    u = s * z
+    if u < 0.0:  # Bouc-Wen, nu = 2, beta = gamma = 1/2: unloading is linear
+        if r <= -u:
+            return s * (u + r)
+        r += u
+        u = 0.0
+    if u > 0.999999:
+        return s
+    return s * math.tanh(math.atanh(u) + r)
+
+
+@_compiled
+def _elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
+    """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
+    el = delta
+    contact = 1.0
+    if P[GAP_HALF] > 0.0:
+        el = delta - P[GAP_CENTRE]
+        if el > P[GAP_HALF]:
+            el -= P[GAP_HALF]
+        elif el < -P[GAP_HALF]:
+            el += P[GAP_HALF]
+        else:
+            el = 0.0
+            contact = P[GAP_DAMPING]
+    torque = factor * P[K] * el
+    if P[K_3] != 0.0 or P[K_2] != 0.0:
+        torque += (P[K_2] + P[K_3] * el) * el * el
+    if P[K_SOFT] != 0.0:
+        torque -= P[K_SOFT] * min(max(el, -P[SOFT_ANGLE]), P[SOFT_ANGLE])
+    return torque, contact
+
+
+@_compiled
+def windup(P: Real, torque: float) -> float:
+    """Static wind-up [rad] at which the elastic part of T_S equals ``torque`` [N m]; the nearer edge of the play."""
+    if P[K] <= 0.0:
+        return 0.0
+    if torque == 0.0:
+        return 0.0 if abs(P[GAP_CENTRE]) <= P[GAP_HALF] or P[GAP_HALF] == 0.0 else P[GAP_CENTRE]
+    guess = torque / P[K]
+    reach = 4.0 * abs(guess) + 2.0 * P[GAP_HALF] + abs(P[GAP_CENTRE])
+    low, high = -reach, reach
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        value, _contact = _elastic(P, middle, 1.0)
+        if value < torque:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@_compiled
+def _friction(plus: float, minus: float, excess: float, speed: float, exponent: float, v: float, s: int) -> float:
+    """Dry friction's level against direction ``s`` at speed ``v`` [N m]."""
+    level = plus if s > 0 else minus
+    if excess != 0.0 and level != 0.0:
+        r = abs(v) / speed
+        level *= 1.0 + excess * math.exp(-(r * r if exponent == 2.0 else r**exponent))
+    return level
+
+
+def _rates_source(
+    x: Real,
+    dx: Real,
+    t: float,
+    um: float,
+    ul: float,
+    y: float,
+    w: float,
+    P: Real,
+    S: NDArray[np.int64],
+    mem: Real,
+    sm: int,
+    sl: int,
+    aux: Real,
+) -> None:
+    """Right-hand side with the friction directions ``sm``, ``sl`` (0: stuck) fixed; diagnostics go to ``aux``."""
+    q_s, v_s, q, v = x[0], x[1], x[2], x[3]
+    motor = S[MOTOR]
+    if motor == MOTOR_PRESCRIBED:
+        q_s, v_s = y, w
+    if S[LOAD_PRESCRIBED]:
+        q, v = y, w
+
+    error, error_rate = 0.0, 0.0
+    for i in range(S[N_TE]):
+        b = TE_0 + 4 * i
+        arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
+        error += P[b] * math.sin(arg)
+        error_rate += P[b] * math.cos(arg) * (P[b + 1] * v_s + P[b + 2] * v)
+    delta = q_s + error - q
+    rate = v_s + error_rate - v
+
+    T, contact = _elastic(P, delta, 1.0 + P[DRIFT] * t)
+    T += P[C] * contact * rate
+    if P[REID] != 0.0:
+        bend = _STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
+        T += P[REID] * P[K] * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)
+    kind = S[HYST_KIND]
+    if kind != 0:
+        travel = delta - mem[0]
+        if kind == MAXWELL_SLIP:
+            total = 0.0
+            for i in range(4):
+                limit = 0.4 * (i + 1)
+                total += min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
+            T += P[HYST_TORQUE] * 0.25 * total
+        else:
+            T += P[HYST_TORQUE] * _loop(mem[1], travel, P[HYST_ANGLE], kind)
+    for i in range(S[N_BRANCH]):
+        b = BRANCH_0 + 2 * i
+        j = S[AT_BRANCH] + i
+        T += P[b] * x[j]
+        dx[j] = rate - x[j] / P[b + 1]
+
+    innovation = 0.0
+    if P[OBS_2] != 0.0:
+        innovation = y - P[OBS_QS] * q_s - P[OBS_VS] * v_s - P[OBS_Q] * q - P[OBS_V] * v
+    lift, push = P[OBS_1] * innovation, P[OBS_2] * innovation
+
+    # motor side
+    tau = um
+    if S[AT_LOOP] >= 0:
+        j = S[AT_LOOP]
+        wanted = P[LOOP_P] * (w - v_s) + P[LOOP_I] * x[j] + y
+        aux[12] = wanted
+        held = min(max(wanted, -P[LOOP_LIMIT]), P[LOOP_LIMIT])
+        dx[j] = w - v_s if held == wanted else 0.0
+        tau = um + P[LOOP_MIX] * (held - um)
+    for i in range(S[N_RIPPLE]):
+        b = RIPPLE_0 + 4 * i
+        tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
+    force_m = tau - T - P[B_M] * v_s
+    level_m = P[FM_LOAD] * abs(T)
+    a_s = 0.0
+    if motor == MOTOR_HELD:
+        dx[0], dx[1] = 0.0, 0.0
+    elif motor == MOTOR_PRESCRIBED:
+        a_s = um
+        dx[0], dx[1] = 0.0, 0.0
+    else:
+        dx[0] = v_s + lift
+        if sm == 0 and S[FRICTION_M]:
+            dx[0], dx[1] = lift, 0.0
+        else:
+            f = force_m
+            if S[FRICTION_M]:
+                f -= sm * (
+                    level_m
+                    + _friction(P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], v_s, sm)
+                )
+            a_s = f / P[J_M]
+            dx[1] = a_s + push
+    force_m += P[J_M] * push
+
+    # base mode: the mount turns by beta under the reaction of T_S
+    beta, beta_2 = 0.0, 0.0
+    if S[AT_BASE] >= 0:
+        j = S[AT_BASE]
+        beta = x[j]
+        beta_2 = (
+            -P[BASE_SHARE] / P[J_L] * T
+            - P[BASE_OMEGA] * P[BASE_OMEGA] * beta
+            - 2.0 * P[BASE_ZETA] * P[BASE_OMEGA] * x[j + 1]
+        )
+        dx[j], dx[j + 1] = x[j + 1], beta_2
+
+    # load side
+    force_l = T + ul - P[B_L] * v - P[G_CONST]
+    if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
+        force_l -= P[G_COS] * math.cos(q + beta) - P[G_SIN] * math.sin(q + beta)
+    if P[C_QUADRATIC] != 0.0:
+        force_l -= P[C_QUADRATIC] * v * abs(v)
+    if P[STOP_K] != 0.0:
+        depth = P[STOP_SIDE] * (q - P[STOP_ANGLE])
+        if depth > 0.0:
+            reaction = P[STOP_K] * depth**P[STOP_EXPONENT] * (1.0 + P[STOP_C] * P[STOP_SIDE] * v)
+            if reaction > 0.0:
+                force_l -= P[STOP_SIDE] * reaction
+    inertia = P[J_L]
+    link_pull, near_pull = 0.0, 0.0
+    if S[AT_LINK] >= 0:
+        j = S[AT_LINK]
+        link_pull = P[LINK_OMEGA] * P[LINK_OMEGA] * x[j] + 2.0 * P[LINK_ZETA] * P[LINK_OMEGA] * x[j + 1]
+        inertia -= P[LINK_J]
+        force_l += P[LINK_J] * link_pull - P[LINK_HIT] * ul
+    if S[AT_NEAR] >= 0:
+        j = S[AT_NEAR]
+        near_pull = P[NEAR_OMEGA] * P[NEAR_OMEGA] * x[j] + 2.0 * P[NEAR_ZETA] * P[NEAR_OMEGA] * x[j + 1]
+        inertia -= P[NEAR_J]
+        force_l += P[NEAR_J] * near_pull
+    level_l = P[FL_LOAD] * abs(T)
+    acceleration = 0.0
+    if S[LOAD_PRESCRIBED]:
+        acceleration = um
+        dx[2], dx[3] = 0.0, 0.0
+    elif sl == 0 and S[FRICTION_L]:
+        acceleration = beta_2
+        dx[2], dx[3] = lift, 0.0
+    else:
+        f = force_l
+        if S[FRICTION_L]:
+            f -= sl * (
+                level_l + _friction(P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], v, sl)
+            )
+        acceleration = f / inertia
+        dx[2] = v + lift
+        dx[3] = acceleration - beta_2 + push
+    link_2 = 0.0
+    if S[AT_LINK] >= 0:
+        j = S[AT_LINK]
+        link_2 = -acceleration - link_pull + P[LINK_HIT] * ul / P[LINK_J]
+        dx[j], dx[j + 1] = x[j + 1], link_2
+    if S[AT_NEAR] >= 0:
+        j = S[AT_NEAR]
+        dx[j], dx[j + 1] = x[j + 1], -acceleration - near_pull
+
+    aux[0] = force_m
+    aux[1] = force_l + inertia * (push - beta_2)
+    aux[2] = T
+    aux[3], aux[4] = level_m, level_l
+    aux[5], aux[6], aux[7] = a_s, acceleration, link_2
+    aux[8] = tau
+    aux[9] = delta
+    aux[10], aux[11] = q_s, v_s
+    aux[14], aux[15] = q, v
+    if S[LOAD_PRESCRIBED]:
+        aux[13] = inertia * acceleration - (force_l - ul)
+    else:
+        aux[13] = P[J_M] * a_s - (force_m - tau - P[J_M] * push)
+
+
+# inlined into the one hot loop; called as a function at the rare events
+_rates = _compiled(_rates_source)
+_rates_inlined = njit(
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, inline="always"
+)(_rates_source)
+
+
+@_compiled
+def _at(u: Real, k: int, s: float) -> float:
+    """Input at the fraction ``s`` of step ``k``; ``u`` holds half steps."""
+    a, b, c = u[2 * k], u[2 * k + 1], u[2 * k + 2]
+    return a + s * (4.0 * b - 3.0 * a - c) + 2.0 * s * s * (a - 2.0 * b + c)
+
+
+@_compiled
+def _remember(P: Real, S: NDArray[np.int64], mem: Real, delta: float) -> None:
+    """Move the hysteresis memory to wind-up ``delta``."""
+    travel = delta - mem[0]
+    if S[HYST_KIND] == MAXWELL_SLIP:
+        for i in range(4):
+            limit = 0.4 * (i + 1)
+            mem[1 + i] = min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
+    else:
+        mem[1] = _loop(mem[1], travel, P[HYST_ANGLE], S[HYST_KIND])
+    mem[0] = delta
+
+
+@_compiled
+def _windup_of(x: Real, P: Real, S: NDArray[np.int64], y: float) -> float:
+    q_s = y if S[MOTOR] == MOTOR_PRESCRIBED else x[0]
+    q = y if S[LOAD_PRESCRIBED] else x[2]
+    error = 0.0
+    for i in range(S[N_TE]):
+        b = TE_0 + 4 * i
+        error += P[b] * math.sin(P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3])
+    return q_s + error - q
+
+
+@_compiled
+def _direction(net: float, load: float, P: Real, first: int) -> int:
+    """Where a contact at rest goes under ``net`` [N m]: 0 while |net| <= breakaway; ``first``: FM_PLUS or FL_PLUS."""
+    excess = 1.0 + P[first + 2]
+    if net > P[first] * excess + load:
+        return 1
+    if net < -(P[first + 1] * excess + load):
+        return -1
+    return 0
+
+
+@_compiled
+def _release(f0: float, f1: float, g0: float, g1: float, P: Real, first: int, go: int) -> float:
+    """Fraction of the interval at which a stuck contact lets go, the net torque taken as a straight line."""
+    excess = 1.0 + P[first + 2]
+    level = P[first] if go > 0 else P[first + 1]
+    over0 = go * f0 - level * excess - g0
+    over1 = go * f1 - level * excess - g1
+    if over0 >= 0.0 or over1 <= over0:
+        return 0.0
+    return -over0 / (over1 - over0)
+
+
+@_compiled
+def _record(P: Real, S: NDArray[np.int64], sm: int, sl: int, aux: Real, out: Real, k: int) -> None:
+    """One node's row."""
+    row = out[k]
+    row[X_QS], row[X_VS], row[X_AS] = aux[10], aux[11], aux[5]
+    row[X_Q], row[X_V], row[X_A] = aux[14], aux[15], aux[6]
+    row[X_LINK], row[X_TS] = aux[7], aux[2]
+    row[X_TAU] = aux[12] if S[AT_LOOP] >= 0 else aux[8]
+    torque = aux[13]
+    if S[LOAD_PRESCRIBED]:
+        if S[FRICTION_L]:
+            torque += sl * (
+                aux[4] + _friction(P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], aux[15], sl)
+            )
+    elif S[FRICTION_M]:
+        torque += sm * (
+            aux[3] + _friction(P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], aux[11], sm)
+        )
+    row[X_TEXT] = torque
+
+
+@_compiled
+def simulate(
+    x: Real, P: Real, S: NDArray[np.int64], um: Real, ul: Real, y: Real, w: Real, t0: float, h: float, out: Real
+) -> None:
+    """Integrate from state ``x`` (overwritten), write one row per node into ``out``, shape (n + 1, N_OUT).
+
+    Args:
+        x: Initial state, shape (S[N_X],): q_s, q_s', q, q', then link, neighbour and base modes (two each), relaxation
+            branches, loop integrator.
+        P: Packed numbers, shape (N_P,).
+        S: Switches, shape (N_S,).
+        um: Motor torque eta n T_e at half steps [N m], shape (2 n + 1,); the acceleration of a prescribed motion.
+        ul: External torque on the arm at half steps [N m].
+        y: Observed (or prescribed) angle or speed at half steps [rad, rad/s]; in a closed loop the feed-forward [N m].
+        w: Speed command (or prescribed speed) at half steps, at the output [rad/s].
+        t0: Time of the first node on the run's clock [s].
+        h: Step [s].
+        out: Result; columns X_QS ... X_TEXT.
+    """
+    n = out.shape[0] - 1
+    m = S[N_X]
+    k1, k2, xt, total, xn = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
+    aux, ahead, spare = np.zeros(_N_AUX), np.zeros(_N_AUX), np.zeros(_N_AUX)
+    mem = np.zeros(5)
+    mem[0] = _windup_of(x, P, S, y[0])
+    hyst = S[HYST_KIND] != 0
+    dry_m = S[FRICTION_M] != 0 and S[MOTOR] == MOTOR_FREE
+    dry_l = S[FRICTION_L] != 0 and S[LOAD_PRESCRIBED] == 0
+    sm, sl = 0, 0
+    for k in range(n):
+        if S[LOAD_PRESCRIBED]:
+            sl = 1 if w[2 * k] > 0.0 else -1
+        if S[MOTOR] == MOTOR_PRESCRIBED:
+            sm = 1 if w[2 * k] > 0.0 else -1
+        s, target, pending = 0.0, 1.0, 0
+        for event in range(_MAX_EVENTS):
+            # Runge-Kutta from fraction s to target
+            d = (target - s) * h
+            for i in range(m):
+                xt[i] = x[i]
+                total[i] = 0.0
+            for stage in range(4):
+                shift = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                at = s + shift * (target - s)
+                if at == 0.0:
+                    a, b, c, e = um[2 * k], ul[2 * k], y[2 * k], w[2 * k]
+                elif at == 0.5:
+                    a, b, c, e = um[2 * k + 1], ul[2 * k + 1], y[2 * k + 1], w[2 * k + 1]
+                elif at == 1.0:
+                    a, b, c, e = um[2 * k + 2], ul[2 * k + 2], y[2 * k + 2], w[2 * k + 2]
+                else:
+                    a, b, c, e = _at(um, k, at), _at(ul, k, at), _at(y, k, at), _at(w, k, at)
+                _rates_inlined(xt, k2, t0 + (k + at) * h, a, b, c, e, P, S, mem, sm, sl, spare)
+                weight = 1.0 if stage == 0 or stage == 3 else 2.0
+                ahead_by = 0.5 * d if stage < 2 else d
+                for i in range(m):
+                    total[i] += weight * k2[i]
+                    xt[i] = x[i] + ahead_by * k2[i]
+                if stage == 0:
+                    for i in range(_N_AUX):
+                        aux[i] = spare[i]
+            for i in range(m):
+                xn[i] = x[i] + d / 6.0 * total[i]
+            if event == 0:
+                _record(P, S, sm, sl, aux, out, k)
+            if not (dry_m or dry_l):
+                break
+            if pending == 0:
+                if event >= _MAX_EVENTS - 2:
+                    break
+                # the first reversal or release in the rest of the step
+                share = 1.0
+                if dry_m and sm != 0 and sm * xn[1] < 0.0:
+                    pending, share = 1, x[1] / (x[1] - xn[1]) if sm * x[1] > 0.0 else 0.0
+                if dry_l and sl != 0 and sl * xn[3] < 0.0:
+                    part = x[3] / (x[3] - xn[3]) if sl * x[3] > 0.0 else 0.0
+                    if pending == 0 or part < share:
+                        pending, share = 2, part
+                if (dry_m and sm == 0) or (dry_l and sl == 0):
+                    j = 2 * k + 2
+                    _rates(xn, k1, t0 + (k + 1.0) * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, ahead)
+                    if dry_m and sm == 0:
+                        go = _direction(ahead[0], ahead[3], P, FM_PLUS)
+                        if go != 0:
+                            part = _release(aux[0], ahead[0], aux[3], ahead[3], P, FM_PLUS, go)
+                            if pending == 0 or part < share:
+                                pending, share = 3 if go > 0 else 5, part
+                    if dry_l and sl == 0:
+                        go = _direction(ahead[1], ahead[4], P, FL_PLUS)
+                        if go != 0:
+                            part = _release(aux[1], ahead[1], aux[4], ahead[4], P, FL_PLUS, go)
+                            if pending == 0 or part < share:
+                                pending, share = 4 if go > 0 else 6, part
+                if pending == 0:
+                    break
+                target = s + share * (1.0 - s)
+                if target - s > 1e-9:
+                    continue
+                for i in range(m):
+                    xn[i] = x[i]
+            # the event itself, at fraction target
+            if hyst:
+                _remember(P, S, mem, _windup_of(xn, P, S, _at(y, k, target)))
+            for i in range(m):
+                x[i] = xn[i]
+            s, target = target, 1.0
+            if pending == 1 or pending == 2:
+                x[1 if pending == 1 else 3] = 0.0
+                stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
+                a, b, c, e = _at(um, k, s), _at(ul, k, s), _at(y, k, s), _at(w, k, s)
+                _rates(x, k1, t0 + (k + s) * h, a, b, c, e, P, S, mem, stuck_m, stuck_l, ahead)
+                if pending == 1:
+                    sm = _direction(ahead[0], ahead[3], P, FM_PLUS)
+                else:
+                    sl = _direction(ahead[1], ahead[4], P, FL_PLUS)
+            elif pending == 3 or pending == 5:
+                sm = 1 if pending == 3 else -1
+            else:
+                sl = 1 if pending == 4 else -1
+            pending = 0
+            if s > 1.0 - 1e-9:
+                for i in range(m):
+                    xn[i] = x[i]
+                break
+        if hyst:
+            _remember(P, S, mem, _windup_of(xn, P, S, y[2 * k + 2]))
+        for i in range(m):
+            x[i] = xn[i]
+    j = 2 * n
+    _rates(x, k1, t0 + n * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, aux)
+    _record(P, S, sm, sl, aux, out, n)

@@ -1,0 +1,136 @@
+"""Predictions of one run: against what was recorded (with the observer), and from the inputs alone."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.acquisition import driven_torque, load_input, shifted
+from jointscope.diagnosis.assembly import Assembly, assemble, close_loop, initial_state
+from jointscope.diagnosis.channels import observe
+from jointscope.diagnosis.vibration import disturbance
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+
+
+def predict_outputs(
+    run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem
+) -> tuple[Vector, ...]:
+    """What the model says of each of ``run.outputs``, given the inputs (and, in observer form, the observed angle).
+
+    Args:
+        run: A run of ``problem``.
+        theta: Base parameters in the order of ``problem.base.names``, shape (n_theta,).
+        effects: Physics and acquisition beside the base.
+        problem: The campaign as prepared.
+
+    Returns:
+        One array per output, of the shape of its ``data``; not finite where the simulation diverged.
+    """
+    assembly = build(run, theta, effects, problem)
+    states = integrate(assembly)
+    predicted = [observe(states, assembly, run, output) for output in run.outputs]
+    if assembly.chain.vibration[1] != 0.0:
+        predicted = disturbance(assembly, run, predicted)
+    return tuple(predicted)
+
+
+def free_prediction(
+    run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem
+) -> tuple[Vector, ...]:
+    """Every declared output from the inputs alone, each at its stream's rate, in recorded form.
+
+    A speed command closes the drive's loop, with a logged torque as the measured input above the loop's drift.
+
+    Returns:
+        One array per ``run.declared``, in SI on the channel's own zero: angles start at the run's arm angle.
+    """
+    assembly = build(run, theta, effects, problem, free=True)
+    states = integrate(assembly)
+    return tuple(observe(states, assembly, run, output) for output in run.declared)
+
+
+def build(
+    run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem, *, free: bool = False
+) -> Assembly:
+    """The run's model with ``effects`` in it."""
+    assembly = assemble(run, np.asarray(theta, dtype=np.float64), problem, free=free)
+    for effect in effects:
+        effect.apply(assembly)
+    return assembly
+
+
+def integrate(assembly: Assembly) -> Vector:
+    """The kernel's rows on the run's grid, shape (steps + 1, kernel.N_OUT)."""
+    run, P, S = assembly.run, assembly.P, assembly.S
+    motor = driven_torque(assembly)
+    load = load_input(assembly)
+    if S[kernel.LOAD_PRESCRIBED] or S[kernel.MOTOR] == kernel.MOTOR_PRESCRIBED:
+        motor = run.motor_half  # the prescribed acceleration
+    elif not run.motor_moves and run.motor is not None:
+        load = load + motor  # a rigid axis: the motor acts on the one inertia
+    x = initial_state(assembly, float(motor[0]))
+    observed, command = run.observed_half, run.command_half
+    chain = assembly.chain
+    if run.observed is not None and run.late_observed and (chain.delay != 0.0 or chain.clock != 0.0):
+        observed = shifted(run.observed.signal, run, chain)
+    if S[kernel.AT_LOOP] >= 0:
+        observed = run.feedforward_half * assembly.drive_factor / max(run.torque_factor, 1e-300)
+        factor = assembly.drive_factor / max(run.torque_factor * assembly.base("efficiency"), 1e-300)
+        if factor != 1.0:
+            P[kernel.LOOP_P] *= factor
+            P[kernel.LOOP_I] *= factor
+            P[kernel.LOOP_LIMIT] *= factor
+            x[S[kernel.AT_LOOP]] /= factor
+    elif P[kernel.OBS_QS] != 0.0 or S[kernel.MOTOR] == kernel.MOTOR_PRESCRIBED:
+        observed = observed + (x[0] - observed[0] if S[kernel.MOTOR] == kernel.MOTOR_PRESCRIBED else x[0] - x[2])
+    out = np.empty((run.steps + 1, kernel.N_OUT))
+    kernel.simulate(x, P, S, motor, load, observed, command, run.t0, 1.0 / run.grid_rate, out)
+    return out
+
+
+def inverse_force(
+    run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem
+) -> tuple[Vector, Vector] | None:
+    """(recorded, modelled) force of a single-dof run along its recorded motion, on the simulation grid [N m or N].
+
+    The motion is low-passed at ``prepare.INVERSE_CORNER`` with zero phase before it is differentiated; the recorded
+    force is low-passed alike. ``None`` where the run has no observed angle or the rig is not a single free inertia.
+    """
+    from dataclasses import replace
+
+    from scipy.signal import butter, sosfiltfilt
+
+    from jointscope.diagnosis.prepare import INVERSE_CORNER
+
+    if run.observed is None or run.observed.rate_signal or run.motor_moves or run.spring:
+        return None
+    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
+    sections = butter(4, INVERSE_CORNER, fs=2.0 * run.grid_rate, output="sos")
+    q = sosfiltfilt(sections, run.observed.signal(half))
+    v = np.gradient(q) * 2.0 * run.grid_rate
+    a = np.gradient(v) * 2.0 * run.grid_rate
+    inverse = replace(
+        run, mode="prescribed-load", observed=None, observed_half=q, command_half=v, motor_half=a, motor=None
+    )
+    assembly = build(inverse, theta, effects, problem)
+    states = integrate(assembly)
+    model = sosfiltfilt(sections, np.repeat(states[:, kernel.X_TEXT], 2)[:-1])[::2]
+    forward = build(run, theta, effects, problem)
+    force = load_input(forward) + (driven_torque(forward) if run.motor is not None else 0.0)
+    recorded = sosfiltfilt(sections, force)[::2]
+    edge = max(1, math.ceil(0.1 * run.grid_rate))
+    return recorded[edge:-edge], model[edge:-edge]
+
+
+def declared_scale(output: Output, assembly: Assembly) -> float:
+    """Prediction times this plus ``output.offset`` is what the file would hold, in SI."""
+    return output.polarity

@@ -1,0 +1,547 @@
+"""A campaign made ready for fitting: what is driven, what is compared, which parameters are free, and where they start.
+
+Nothing is read from titles, notes, ids, file or column names, or from the order of runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.assembly import BASE_NAMES
+from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command
+from jointscope.errors import RefusedError
+from jointscope.models.parameters import STANDARD_GRAVITY
+from jointscope.recordings.bandlimited import Bandlimited, bandlimited
+from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Signal
+
+Vector = NDArray[np.float64]
+Mode = Literal["braked", "observer", "closed-loop", "torque-driven", "prescribed-motor", "prescribed-load"]
+
+GRID_RATE = 4000.0  # Hz; the simulation grid is at least this fine
+DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
+SETTLING = 0.4  # s left out at the start of a run whose initial state is unknown
+_TAIL = 8  # samples left out at the end, where the anti-aliasing kernel looks past the record
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """One channel that is compared.
+
+    Attributes:
+        quantity, location, direction, radius, low_cutoff, full_scale: As in the campaign.
+        device: Stream it was recorded by.
+        late: Whether that device is not the DAQ, so that a delay or clock drift moves it.
+        rate: Sampling rate [Hz].
+        times: Of its samples on the run's clock [s], shape (n,).
+        data: What is compared, SI, polarity put right; angles counted so that the first one is the run's arm angle
+            (times n at the motor), shape (n,).
+        mask: Which samples are scored, shape (n,).
+        gravity: g that this sensor sees [m/s^2]; 0 where it does not.
+        high_pass: Corner below which data and prediction are both cut [Hz], or ``None``.
+        polarity: +1, or -1 where the channel was found inverted.
+        offset: recorded = polarity * (data + offset).
+        calibrated: Whether its unit is known.
+        observed: Whether this is the angle that the observer follows: the comparison is its innovation.
+        channel: Position of (stream, channel) in the run.
+    """
+
+    quantity: str
+    location: str
+    device: int
+    late: bool
+    rate: float
+    times: Vector
+    data: Vector
+    mask: NDArray[np.bool_]
+    radius: float | None = None
+    direction: str = "tangential"
+    low_cutoff: float | None = None
+    full_scale: float | None = None
+    gravity: float = 0.0
+    high_pass: float | None = None
+    polarity: float = 1.0
+    offset: float = 0.0
+    calibrated: bool = True
+    observed: bool = False
+    channel: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """The angle or speed that the observer follows, at the joint output.
+
+    Attributes:
+        side: Where it was measured.
+        rate_signal: Whether it is a speed.
+        signal: Its value [rad or rad/s at the output], angles from the arm's initial angle.
+        device: Stream it was recorded by.
+    """
+
+    side: Literal["motor", "arm"]
+    rate_signal: bool
+    signal: Bandlimited
+    device: int
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedRun:
+    """One run on its simulation grid; half-step arrays have 2 n + 1 entries for n steps.
+
+    Attributes:
+        run: As recorded.
+        index: Position in ``Problem.runs``.
+        group: Runs of the same group repeat one excitation.
+        role: As the campaign says.
+        mode: How the model is driven.
+        motor_moves: Whether the motor side is a degree of freedom.
+        spring: Whether T_S acts (a free single mass has none).
+        ratio: n.
+        t0, grid_rate, steps: The grid: nodes at t0 + k / grid_rate, k = 0 ... steps.
+        load_half, motor_half, command_half, observed_half: Inputs at half steps at the joint output; zeros where absent.
+        feedforward_half: What the drive's law adds to its feedback, as a torque at the output [N m].
+        load, motor, command: The same as functions of time, for effects that shift or filter them.
+        late_motor, late_observed: Whether their device is not the DAQ.
+        torque_factor: Motor torque at the output per unit of the motor channel.
+        initial_angle: Arm angle at the start [rad].
+        motor_zero: Recorded motor angle / n minus the model's q_s at the start [rad].
+        torque_limit: Largest torque of the drive at the output [N m], or ``None``.
+        outputs: What is compared.
+        declared: Every channel that the run declares as output, for prediction.
+    """
+
+    run: Run
+    index: int
+    group: str
+    role: Literal["estimate", "validate"] | None
+    mode: Mode
+    motor_moves: bool
+    spring: bool
+    ratio: float
+    t0: float
+    grid_rate: float
+    steps: int
+    load_half: Vector
+    motor_half: Vector
+    command_half: Vector
+    observed_half: Vector
+    feedforward_half: Vector
+    load: Drive | None
+    motor: Drive | None
+    command: Drive | None
+    observed: Observed | None
+    late_motor: bool
+    late_observed: bool
+    torque_factor: float
+    initial_angle: float
+    motor_zero: float
+    torque_limit: float | None
+    outputs: tuple[Output, ...]
+    declared: tuple[Output, ...] = ()
+
+    @property
+    def time(self) -> Vector:
+        """Grid nodes on the run's clock [s], shape (steps + 1,)."""
+        return self.t0 + np.arange(self.steps + 1) / self.grid_rate
+
+    @property
+    def load_force(self) -> Vector | None:
+        """External torque on the arm at the nodes [N m], shape (steps + 1,)."""
+        return None if self.load is None else self.load_half[::2]
+
+    @property
+    def motor_torque(self) -> Vector | None:
+        """n T_e at the nodes [N m], shape (steps + 1,)."""
+        return None if self.motor is None else self.motor_half[::2]
+
+    @property
+    def speed_command(self) -> Vector | None:
+        """Commanded speed at the output at the nodes [rad/s], shape (steps + 1,)."""
+        return None if self.command is None else self.command_half[::2]
+
+
+@dataclass(frozen=True, eq=False)
+class BaseSpec:
+    """The base model's parameters, all at the joint output.
+
+    Attributes:
+        names: ``BASE_NAMES``.
+        start, lower, upper, scale: Values, bounds and typical sizes, shape (n_theta,).
+        free: Which are estimated, shape (n_theta,).
+        nuisance: Which are not the joint's (the drive's law, unknown scales), shape (n_theta,).
+        merged: Parameters that stand for a sum here, for instance damping -> damping_total.
+    """
+
+    names: tuple[str, ...]
+    start: Vector
+    lower: Vector
+    upper: Vector
+    scale: Vector
+    free: NDArray[np.bool_]
+    nuisance: NDArray[np.bool_]
+    merged: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Typical sizes in this campaign, from the base model at its start values.
+
+    Attributes:
+        torque: Peak dynamic torque through the transmission [N m].
+        wind_up: Peak dynamic wind-up [rad].
+        wind_up_rate: Its rate [rad/s].
+        speed: Peak arm speed [rad/s].
+        motor_speed: Peak motor speed at the output [rad/s].
+        travel: Arm travel [rad].
+        motor_torque: Peak motor torque at the output [N m]; 0 without.
+        load_torque: Peak external torque [N m]; 0 without.
+        acceleration: Peak linear (or angular) acceleration over the accelerometers [their unit]; 0 without.
+        frequency: Resonance of the arm on the held motor [Hz].
+        angle_low, angle_high: Range of arm angles [rad].
+        duration: Longest run [s].
+    """
+
+    torque: float
+    wind_up: float
+    wind_up_rate: float
+    speed: float
+    motor_speed: float
+    travel: float
+    motor_torque: float
+    load_torque: float
+    acceleration: float
+    frequency: float
+    angle_low: float
+    angle_high: float
+    duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Everything that inference needs.
+
+    Attributes:
+        rig: Nameplate.
+        runs: In the campaign's order.
+        base: Parameters.
+        scales: Typical sizes.
+        torque_calibrated: Whether absolute torque is known anywhere; else parameters are per unit of the input.
+        findings: What was put right on the way (inverted channels), one line each.
+    """
+
+    rig: Nameplate
+    runs: tuple[PreparedRun, ...]
+    base: BaseSpec
+    scales: Scales
+    torque_calibrated: bool = True
+    findings: tuple[str, ...] = ()
+
+    def theta(self, **values: float) -> Vector:
+        """The start vector with some parameters replaced by name, shape (n_theta,)."""
+        theta = self.base.start.copy()
+        for name, value in values.items():
+            theta[BASE_NAMES.index(name)] = value
+        return theta
+
+
+def prepare(campaign: Campaign) -> Problem:
+    """Read a campaign as a problem of estimation.
+
+    Raises:
+        RefusedError: The rig has several joints, or no run holds both an input and an output in time.
+    """
+    from jointscope.diagnosis.starts import finished  # the start values simulate, so they need this module
+
+    if campaign.rig.topology == "arm":
+        raise RefusedError(
+            f"{campaign.path}: topology = 'arm': diagnosis needs one joint's runs; export them as a two-inertia campaign"
+        )
+    runs: list[PreparedRun] = []
+    for run in campaign.runs:
+        prepared = _prepare_run(run, campaign.rig, len(runs))
+        if prepared is not None:
+            runs.append(prepared)
+    if not runs:
+        raise RefusedError(
+            f"{campaign.path}: no run holds an input and an output in time; record a force, torque or speed command "
+            "together with an acceleration, speed or angle"
+        )
+    return finished(campaign, tuple(runs))
+
+
+def _prepare_run(run: Run, rig: Nameplate, index: int) -> PreparedRun | None:
+    """One run on its grid, or ``None`` where nothing drives it or nothing was compared."""
+    recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.quantity != "frf"]
+    load, motor, command = load_torque(run), motor_torque(run, rig), speed_command(run, rig)
+    daq = _daq(run)
+    held = run.brake or run.hold.get("", "drive") in ("brake", "brake-with-play", "locked")
+    two = rig.topology == "two-inertia"
+    spring = two or (rig.ground_spring if rig.ground_spring is not None else held)
+    prescribed = _prescribed(recorded)
+    observed = None if prescribed is not None else _observed(recorded, rig, run)
+    mode = _mode(two, held, spring, prescribed, observed, load, motor, command, run)
+    if mode is None:
+        return None
+    motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
+    if mode not in ("observer",):
+        observed = None
+    outputs = _outputs(recorded, rig, run, mode, daq, observed)
+    if not outputs:
+        return None
+    t0, grid_rate, steps = _grid(recorded, outputs)
+    half = t0 + np.arange(2 * steps + 1) / (2.0 * grid_rate)
+    zeros = np.zeros(2 * steps + 1)
+    motor_half = zeros if motor is None else motor.signal(half)
+    command_half = zeros if command is None else command.signal(half)
+    observed_half = zeros if observed is None else observed.signal(half)
+    if prescribed is not None:
+        path = _path(prescribed, rig, half)
+        observed_half, command_half, motor_half = path
+    return PreparedRun(
+        run=run,
+        index=index,
+        group=run.repeat_of or f"#{index}",
+        role=run.role,
+        mode=mode,
+        motor_moves=motor_moves,
+        spring=spring,
+        ratio=rig.reduction_ratio or 1.0,
+        t0=t0,
+        grid_rate=grid_rate,
+        steps=steps,
+        load_half=zeros if load is None else load.signal(half),
+        motor_half=motor_half,
+        command_half=command_half,
+        observed_half=observed_half,
+        feedforward_half=zeros,
+        load=load,
+        motor=motor,
+        command=command,
+        observed=observed,
+        late_motor=motor is not None and motor.device != daq,
+        late_observed=observed is not None and observed.device != daq,
+        torque_factor=1.0 if motor is None else motor.factor,
+        initial_angle=_initial_angle(run, rig, prescribed),
+        motor_zero=_motor_zero(recorded, rig, run),
+        torque_limit=None,
+        outputs=outputs,
+        declared=tuple(_output(s, rig, run, mode, daq, None, run.arm_angle) for s in _declared(run)),
+    )
+
+
+def _declared(run: Run) -> list[Signal]:
+    return [s for s in run.signals if s.channel.role == "output" and s.channel.quantity != "frf"]
+
+
+def _daq(run: Run) -> int:
+    """The device that samples the mechanics: the one with the accelerometers or the hammer, else the fastest."""
+    for wanted in (("linear-acceleration", "angular-acceleration", "acceleration"), ("force",)):
+        for signal in run.signals:
+            if signal.channel.quantity in wanted and signal.channel.location != "motor":
+                return signal.device
+    rates = [stream.sampling_rate for stream in run.streams]
+    return int(np.argmax(rates))
+
+
+def _prescribed(recorded: list[Signal]) -> Signal | None:
+    for signal in recorded:
+        if signal.channel.role == "input" and signal.channel.quantity in ("angle", "position"):
+            return signal
+    return None
+
+
+def _observed(recorded: list[Signal], rig: Nameplate, run: Run) -> Observed | None:
+    """The angle to follow: the motor's before the arm's, angles before speeds."""
+    order = (
+        ("angle", "motor"), ("position", "motor"), ("angle", "arm"), ("position", "load"), ("angle", "load"),
+        ("angular-velocity", "motor"), ("velocity", "motor"), ("angular-velocity", "arm"), ("velocity", "load"),
+    )  # fmt: skip
+    for quantity, location in order:
+        for signal in recorded:
+            channel = signal.channel
+            if channel.role != "output" or (channel.quantity, channel.location) != (quantity, location):
+                continue
+            n = (rig.reduction_ratio or 1.0) if location == "motor" else 1.0
+            speed = quantity in ("angular-velocity", "velocity")
+            samples = np.asarray(signal.samples, dtype=np.float64) / n
+            if not speed:
+                samples = samples - _first(samples) + run.arm_angle
+            return Observed(
+                "motor" if location == "motor" and rig.topology == "two-inertia" else "arm",
+                speed,
+                bandlimited(samples, signal.sampling_rate, signal.stream.start),
+                signal.device,
+            )
+    return None
+
+
+def _first(samples: Vector) -> float:
+    """Value at rest before the motion: the median of the first samples for as long as they do not move."""
+    good = samples[np.isfinite(samples)]
+    if good.size < 16:
+        return float(good[0]) if good.size else 0.0
+    step = np.median(np.abs(np.diff(good[:16])))
+    count = 1
+    while count < 16 and abs(good[count] - good[0]) <= 4.0 * step + 1e-15:
+        count += 1
+    return float(np.median(good[:count])) if count >= 5 else float(good[0])
+
+
+def _mode(
+    two: bool,
+    held: bool,
+    spring: bool,
+    prescribed: Signal | None,
+    observed: Observed | None,
+    load: Drive | None,
+    motor: Drive | None,
+    command: Drive | None,
+    run: Run,
+) -> Mode | None:
+    """How the model of this run is driven, or ``None`` where nothing drives it."""
+    if prescribed is not None:
+        return "prescribed-motor" if two and prescribed.channel.location == "motor" else "prescribed-load"
+    free = run.hold.get("", "") == "free"
+    if (two and held) or (not two and spring):
+        return "braked" if load is not None or motor is not None else None
+    if motor is None and command is None and not free:
+        if load is None:
+            return None
+        if two and observed is None:
+            return "braked"  # held by a drive of which nothing was recorded
+    if two and command is not None and observed is None:
+        return "closed-loop"
+    if observed is not None and (motor is not None or load is not None or free):
+        return "observer"
+    if two and command is not None:
+        return "closed-loop"
+    return "torque-driven"
+
+
+def _outputs(
+    recorded: list[Signal], rig: Nameplate, run: Run, mode: Mode, daq: int, observed: Observed | None
+) -> tuple[Output, ...]:
+    """Everything that is compared in this mode."""
+    outputs = []
+    for signal in recorded:
+        channel = signal.channel
+        force = channel.quantity in ("torque", "current", "voltage", "force")
+        if force:
+            loop = mode == "closed-loop" and channel.location == "motor"
+            inverse = mode.startswith("prescribed") and channel.role == "output"
+            if not (loop or inverse):
+                continue
+        elif channel.role != "output" or channel.quantity in ("speed-command", "phase-current"):
+            continue
+        if channel.location in ("base", "neighbour"):
+            continue
+        if mode == "braked" and channel.location == "motor":
+            continue
+        outputs.append(_output(signal, rig, run, mode, daq, observed, run.arm_angle))
+    return tuple(outputs)
+
+
+def _output(
+    signal: Signal, rig: Nameplate, run: Run, mode: Mode, daq: int, observed: Observed | None, angle: float
+) -> Output:
+    channel = signal.channel
+    recorded = channel.samples is not None
+    length = signal.stream.length if recorded or signal.stream.length else 0
+    data = np.asarray(channel.samples, dtype=np.float64) if recorded else np.zeros(length)
+    times = signal.stream.start + np.arange(data.size) / signal.sampling_rate
+    mask = np.isfinite(data)
+    data = np.where(mask, data, 0.0)
+    motor = channel.location == "motor"
+    offset = 0.0
+    if channel.quantity in ("angle", "position") and data.size:
+        offset = _first(data) - angle * ((rig.reduction_ratio or 1.0) if motor else 1.0)
+    if data.size > 64:
+        mask[-_TAIL:] = False
+    if run.initial == "estimate":
+        mask &= times >= (times[0] if times.size else 0.0) + SETTLING
+    corner = None
+    if mode == "torque-driven" and channel.quantity in ACCELERATIONS:
+        corner = DRIFT_CORNER
+    low_cutoff = channel.low_cutoff if channel.coupling == "ac" else None
+    data = data - offset
+    if corner is not None and data.size:
+        from jointscope.diagnosis.channels import high_pass
+
+        data = high_pass(data, corner, signal.sampling_rate)
+    return Output(
+        quantity=channel.quantity,
+        location=channel.location,
+        device=signal.device,
+        late=signal.device != daq,
+        rate=signal.sampling_rate,
+        times=times,
+        data=data,
+        mask=mask,
+        radius=channel.radius,
+        direction=channel.direction,
+        low_cutoff=low_cutoff,
+        full_scale=channel.full_scale,
+        gravity=_gravity(channel, rig),
+        high_pass=corner,
+        offset=offset,
+        calibrated=channel.calibrated,
+        observed=observed is not None and _is_observed(channel, observed, signal.device, rig),
+        channel=(signal.device, signal.stream.channels.index(channel)),
+    )
+
+
+def _is_observed(channel: Channel, observed: Observed, device: int, rig: Nameplate) -> bool:
+    side = "motor" if channel.location == "motor" and rig.topology == "two-inertia" else "arm"
+    speed = channel.quantity in ("angular-velocity", "velocity")
+    kind = speed or channel.quantity in ("angle", "position")
+    return kind and side == observed.side and speed == observed.rate_signal and device == observed.device
+
+
+def _gravity(channel: Channel, rig: Nameplate) -> float:
+    vertical = rig.plane == "vertical" and rig.motion == "rotational"
+    return STANDARD_GRAVITY if vertical and channel.quantity == "linear-acceleration" else 0.0
+
+
+def _grid(recorded: list[Signal], outputs: tuple[Output, ...]) -> tuple[float, float, int]:
+    """Start [s], rate [Hz] and number of steps of the simulation grid: whole fractions of the fastest output's."""
+    fastest = max(outputs, key=lambda o: o.rate)
+    rate = fastest.rate
+    grid_rate = rate * max(2, int(np.ceil(GRID_RATE / rate)))
+    begin = min(s.stream.start for s in recorded)
+    lead = max(0, int(np.ceil((fastest.times[0] - begin) * rate - 1e-9)))
+    t0 = float(fastest.times[0]) - lead / rate
+    end = max(float(o.times[-1]) for o in outputs)
+    steps = max(2, int(np.ceil((end - t0) * grid_rate - 1e-6)))
+    return t0, grid_rate, steps
+
+
+def _initial_angle(run: Run, rig: Nameplate, prescribed: Signal | None) -> float:
+    if prescribed is None:
+        return run.arm_angle
+    n = (rig.reduction_ratio or 1.0) if prescribed.channel.location == "motor" else 1.0
+    return float(prescribed.samples[0]) / n
+
+
+def _motor_zero(recorded: list[Signal], rig: Nameplate, run: Run) -> float:
+    for signal in recorded:
+        if signal.channel.quantity in ("angle", "position") and signal.channel.location == "motor":
+            return _first(np.asarray(signal.samples, dtype=np.float64)) / (rig.reduction_ratio or 1.0) - run.arm_angle
+    return 0.0
+
+
+def _path(signal: Signal, rig: Nameplate, half: Vector) -> tuple[Vector, Vector, Vector]:
+    """A prescribed motion and its first two derivatives at half steps, after a zero-phase low-pass."""
+    from scipy.signal import butter, sosfiltfilt
+
+    n = (rig.reduction_ratio or 1.0) if signal.channel.location == "motor" else 1.0
+    rate = signal.sampling_rate
+    smooth = sosfiltfilt(butter(4, min(INVERSE_CORNER, 0.2 * rate), fs=rate, output="sos"), signal.samples / n)
+    path = bandlimited(smooth, rate, signal.stream.start)
+    return path(half), path(half, 1), path(half, 2)
+
+
+INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
