@@ -45,7 +45,8 @@ class Drive:
         velocity_feedforward: b_f [N m s/rad].
         torque_limit: [N m]; ``None`` where no run reached it.
         standard_errors: Of the first four, in that order; 0 for a term that the runs do not need.
-        residual: RMS of logged minus explained torque [N m].
+        residual: RMS of logged minus explained torque below 60 Hz [N m].
+        log_noise: RMS of the log's own noise in that band, from what it holds near half its rate [N m].
         explained: 1 - residual variance over torque variance [-].
         runs: Ids of the runs used.
     """
@@ -57,8 +58,14 @@ class Drive:
     torque_limit: float | None = None
     standard_errors: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     residual: float = 0.0
+    log_noise: float = 0.0
     explained: float = 1.0
     runs: tuple[str, ...] = ()
+
+    @property
+    def unexplained(self) -> float:
+        """RMS of the torque that neither the law nor the log's noise accounts for [N m]."""
+        return math.sqrt(max(self.residual**2 - 1.5 * self.log_noise**2, 0.0))
 
     def to_json(self) -> dict[str, Any]:
         """As ``model.json`` keeps it under ``drive``."""
@@ -77,6 +84,7 @@ class Drive:
             **entries,
             "torque_limit": limit,
             "residual": {"value": self.residual, "unit": "N m"},
+            "log_noise": {"value": self.log_noise, "unit": "N m"},
             "explained": self.explained,
             "runs": list(self.runs),
         }
@@ -96,6 +104,7 @@ def drive_from_json(content: Mapping[str, Any], file: str = "model.json") -> Dri
             torque_limit=None if limit is None else float(limit["value"]),
             standard_errors=tuple(float(width) / 1.96 for width in widths),  # type: ignore[arg-type]
             residual=float(content["residual"]["value"]),
+            log_noise=float(content["log_noise"]["value"]),
             explained=float(content["explained"]),
             runs=tuple(content["runs"]),
         )
@@ -253,6 +262,7 @@ def _regressed(takes: Sequence[_Take]) -> Drive:
         torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
         standard_errors=errors,
         residual=residual,
+        log_noise=_log_noise(takes),
         explained=1.0 - residual**2 / max(float(np.var(T)), 1e-300),
         runs=tuple(take.run for take in takes),
     )
@@ -297,6 +307,20 @@ def _chosen_terms(A: Real, T: Real) -> tuple[tuple[float, ...], tuple[float, flo
             values[column], spread[column] = solution[place], errors[place]
     a, b, c, d = (float(error) for error in spread)
     return tuple(values.tolist()), (a, b, c, d), residual
+
+
+def _log_noise(takes: Sequence[_Take]) -> float:
+    """RMS below 60 Hz of noise as white as the logs are near half their rate (median of their spectra there) [N m]."""
+    powers = []
+    for take in takes:
+        rate = (take.times.size - 1) / (take.times[-1] - take.times[0])
+        frequency, density = signal.welch(take.torque, rate, nperseg=min(256, take.times.size), detrend="linear")
+        # an anti-alias filter empties the top of the band, the drive's own content fills the bottom
+        quiet = (frequency > 0.3 * rate) & (frequency < 0.4 * rate)
+        powers.append(
+            float(np.median(density[quiet])) / 0.7 * min(_FILTER, 0.5 * rate)
+        )  # median of chi^2_2 is 0.7
+    return math.sqrt(float(np.mean(powers)))
 
 
 def _independence(rest: Real) -> float:
@@ -367,6 +391,7 @@ def _through_the_joint(takes: Sequence[_Take], joint: Joint, gravity_moment: flo
         torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
         standard_errors=(float(spread[0]), float(spread[1]), 0.0, 0.0),
         residual=math.sqrt(variance),
+        log_noise=_log_noise(takes),
         explained=1.0 - variance / max(float(np.var(torque)), 1e-300),
         runs=tuple(take.run for take in takes),
     )

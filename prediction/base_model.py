@@ -13,7 +13,7 @@ from jointscope.identification.drive import Drive, drive_from_json
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.integrate import Motion, integrate
 from jointscope.prediction.plant import Plant, plant_of
-from jointscope.prediction.run_inputs import LAW_SHARE, RunInputs, run_inputs, span
+from jointscope.prediction.run_inputs import RunInputs, run_inputs, span
 from jointscope.prediction.sensors import read_channel
 from jointscope.prediction.torque_log import TorqueLog
 from jointscope.recordings.campaign import Campaign, Run, Signal
@@ -69,7 +69,7 @@ def predict_run(
     declared: bool = False,
     drive: Drive | None = None,
     log: TorqueLog | None = None,
-    share: float = LAW_SHARE,
+    share: float | None = None,
 ) -> RunPrediction:
     """Predict ``run`` from its inputs.
 
@@ -79,7 +79,7 @@ def predict_run(
         declared: Also predict channels that were declared and not recorded.
         drive: The drive's law.
         log: What the torque's logger does, where that is known.
-        share: Of the law in a closed loop's torque [-]; 0 replays the log open loop.
+        share: Of the law in a closed loop's torque [-]; ``None``: as its identification says; 0 replays the log open loop.
 
     Raises:
         RefusedError: The model or the run can't carry a prediction; the message says what is missing.

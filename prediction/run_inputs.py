@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from jointscope.errors import RefusedError
 from jointscope.identification.drive import Drive
 from jointscope.identification.model_file import BaseModel
+from jointscope.prediction.closed_loop import close
 from jointscope.prediction.integrate import Loop
 from jointscope.prediction.plant import Plant, prescribed_motion
 from jointscope.prediction.torque_input import torque_input
@@ -22,9 +23,6 @@ from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Run, Signal
 
 Real = NDArray[np.float64]
-
-LAW_SHARE = 0.3
-"""Share of the drive's law in the torque of a closed loop; measured in docs/decisions/2026-11-21-closed-loop-prediction."""
 
 _STEPS_PER_SAMPLE = 4.0
 _SLOWEST = 2000.0  # Hz
@@ -67,7 +65,7 @@ def run_inputs(
     *,
     drive: Drive | None = None,
     log: TorqueLog | None = None,
-    share: float = LAW_SHARE,
+    share: float | None = None,
 ) -> RunInputs:
     """Read the inputs of ``run`` for ``plant``.
 
@@ -78,7 +76,7 @@ def run_inputs(
         outputs: Channels that will be read out; their streams set how long the integration runs.
         drive: The speed law, used where the run declares a speed command.
         log: What the torque's logger does, where that is known.
-        share: Of the law in the closed loop's torque [-].
+        share: Of the law in the closed loop's torque [-]; ``None``: as its identification says.
 
     Raises:
         RefusedError: An input is missing, or the plant is too fast to be integrated over the run.
@@ -94,7 +92,11 @@ def run_inputs(
         notes += [torque.note] if torque.note else []
     else:
         T_e = np.full(t.size, hold)
-    loop = _loop(run, drive, t, hold, share if torque is not None else 1.0)
+    loop = None
+    commands = run.select("speed-command", role="input")
+    if drive is not None and commands and plant.motor == "free":
+        command = bandlimited(commands[0].samples, commands[0].sampling_rate, commands[0].stream.start)
+        loop = close(drive, command, t, hold, logged=torque is not None, share=share)
     if loop is None and run.select("speed-command", role="input"):
         if torque is None:
             raise RefusedError(
@@ -161,21 +163,3 @@ def _prescribed(run: Run, plant: Plant, t: Real) -> Real | None:
     record = bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)
     ratio = plant.ratio if signal.channel.location == "motor" else 1.0
     return np.stack([record(t, order) for order in range(3)]) / ratio
-
-
-def _loop(run: Run, drive: Drive | None, t: Real, hold: float, share: float) -> Loop | None:
-    commands = run.select("speed-command", role="input")
-    if drive is None or not commands or run.brake:
-        return None
-    command = bandlimited(commands[0].samples, commands[0].sampling_rate, commands[0].stream.start)
-    law = np.array(
-        [
-            drive.proportional,
-            drive.integral,
-            drive.acceleration_feedforward,
-            drive.velocity_feedforward,
-            hold,
-            math.inf if drive.torque_limit is None else drive.torque_limit,
-        ]
-    )
-    return Loop(command=command(t), command_rate=command(t, 1), law=law, share=share)

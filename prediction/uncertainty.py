@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from jointscope.identification.drive import Drive
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.base_model import RunPrediction, predict_run
-from jointscope.prediction.run_inputs import LAW_SHARE
 from jointscope.prediction.spectra import Spectrum, Window, spectrum
 from jointscope.prediction.torque_log import TorqueLog
 from jointscope.recordings.campaign import Run
@@ -51,7 +50,7 @@ def parameter_bands(
     declared: bool = False,
     drive: Drive | None = None,
     log: TorqueLog | None = None,
-    share: float = LAW_SHARE,
+    share: float | None = None,
 ) -> tuple[ChannelBand, ...]:
     """One band per channel of ``prediction``, by central differences along the covariance's principal directions.
 
