@@ -71,23 +71,25 @@ def speed_loop(
     last_command = command(0.0)
     integrator = holding_torque
     torque = holding_torque
-    due = 0.0
+    last_time, due = -cycle, 0.0
 
     def control(t: float, motor_angle: float) -> float:
-        nonlocal last, last_command, integrator, torque, due
+        nonlocal last, last_command, last_time, integrator, torque, due
         if t < due - 1e-9:
             return torque
         due += cycle
+        elapsed = t - last_time  # the cycle, or the steps nearest to it
         angle, wanted = read(motor_angle), command(t)
-        error = wanted - (angle - last) / cycle
+        error = wanted - (angle - last) / elapsed
         feedforward = (
-            drive.acceleration_feedforward * (wanted - last_command) / cycle + drive.velocity_feedforward * wanted
+            drive.acceleration_feedforward * (wanted - last_command) / elapsed
+            + drive.velocity_feedforward * wanted
         )
         asked = drive.proportional * error + integrator + feedforward
         torque = min(max(asked, -limit), limit)
         if torque == asked or (asked - torque) * error < 0.0:
-            integrator += drive.integral * error * cycle
-        last, last_command = angle, wanted
+            integrator += drive.integral * error * elapsed
+        last, last_command, last_time = angle, wanted, t
         return torque
 
     return control
