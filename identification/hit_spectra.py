@@ -78,7 +78,7 @@ def read_hit(run: Run, rig: Nameplate) -> Hit | Rejected:
     if bad is not None:
         return Rejected(run=run.id, finding=bad[0], detail=bad[1])
     return Hit(
-        spectrum=_spectrum(run, excitation, responses, force, contact),
+        spectrum=hit_spectrum(run, excitation, responses, force, contact),
         contact=contact,
         outputs=tuple(response.name for response in responses),
         input_unit=excitation.unit,
@@ -100,9 +100,10 @@ def _bad_hit(excitation: Excitation, responses: Sequence[Response], contact: Con
     return None
 
 
-def _spectrum(
+def hit_spectrum(
     run: Run, excitation: Excitation, responses: Sequence[Response], force: Real, contact: Contact
 ) -> HitSpectrum:
+    """Spectra of one hit with its force taken inside ``contact`` only; ``force`` is the cell's record, shape (n,)."""
     first = responses[0].signal
     rate, count = first.sampling_rate, first.samples.size
     top = HIGHEST_SHARE * min(rate, excitation.signal.sampling_rate, *(r.signal.sampling_rate for r in responses))
