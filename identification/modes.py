@@ -99,12 +99,13 @@ def _pole_table(
 
 
 def select_modes(
-    hits: Sequence[HitSpectrum], band: tuple[float, float], *, highest: int = 8, residual_lines: bool = True
+    hits: Sequence[HitSpectrum],
+    band: tuple[float, float],
+    *,
+    highest: int = 8,
+    count: int | None = None,
 ) -> ModeSelection:
-    """Modes inside ``band`` [Hz] from orders 1 to ``highest``.
-
-    ``residual_lines`` lets the model have a mass and a stiffness line for what lies outside the band.
-    """
+    """Modes inside ``band`` [Hz] from orders 1 to ``highest``; ``count`` of them where that is given, else by evidence."""
     data = averaged([hit.in_band(band) for hit in hits])
     transients = any(hit.truncated for hit in data)
     table: list[StablePole] = []
@@ -119,7 +120,7 @@ def select_modes(
     candidates = _confirmed(table)
     if not candidates:
         return ModeSelection(model=None, stabilisation=tuple(table), criterion=(), kept=(), noise=noise[0])
-    return _eliminate(data, noise, candidates, tuple(table), residual_lines)
+    return _eliminate(data, noise, candidates, tuple(table), count)
 
 
 def _confirmed(table: Sequence[StablePole]) -> list[StablePole]:
@@ -171,6 +172,8 @@ def _richest_residual(hits: Sequence[HitSpectrum], poles: Complex) -> list[Real]
         kernel = np.ones(width)
         mass = np.convolve(np.ones(s.size), kernel, mode="same")
         smooth = np.array([np.convolve(row, kernel, mode="same") / mass for row in left])
+        freedom = s.size - 2 * poles.size - 2
+        smooth *= s.size / max(freedom, s.size // 4)
         result.append(np.sqrt(smooth / 2.0) + 1e-12 * np.abs(hit.output).max(axis=1, keepdims=True))
     return result
 
@@ -228,7 +231,7 @@ def _eliminate(
     noise: Sequence[Real],
     candidates: Sequence[StablePole],
     table: tuple[StablePole, ...],
-    residual_lines: bool,
+    count: int | None,
 ) -> ModeSelection:
     omega = 2.0 * np.pi * np.array([pole.frequency for pole in candidates])
     a1, a2 = 2.0 * np.array([pole.damping_ratio for pole in candidates]) * omega, omega**2
@@ -242,12 +245,12 @@ def _eliminate(
         return sum(part[2] for part in parts) + price * used
 
     modes = list(range(len(candidates)))
-    choices = (False, True) if residual_lines else (False,)
+    choices = (False, True)
     current, lines = min((score(modes, line), line) for line in choices)
     criterion, kept = [current], [len(modes)]
     while len(modes) > 1:
         trial = min((score([m for m in modes if m != out], line), out, line) for out in modes for line in choices)
-        if trial[0] > current:
+        if trial[0] > current and (count is None or len(modes) <= count):
             break
         current, lines = trial[0], trial[2]
         modes.remove(trial[1])
