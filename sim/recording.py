@@ -113,7 +113,7 @@ def plc_stream(
         channels.append(
             Channel(
                 column="speed_command", quantity="speed-command", unit="rad/s", location="motor", role="input",
-                samples=_frozen(device.sample(command, h, stamps)),
+                samples=_frozen(np.round(device.sample(command, h, stamps), 9)),
             )
         )  # fmt: skip
     return _stream(f"{run}-plc.csv", device, stamps, channels)

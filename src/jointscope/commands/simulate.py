@@ -88,6 +88,8 @@ def run(options: argparse.Namespace) -> int:
 
     if options.seed < 0:
         raise JointscopeError(f"--seed {options.seed}: must be 0 or more")
+    if options.out.exists() and (not options.out.is_dir() or any(options.out.iterdir())):
+        raise JointscopeError(f"--out {options.out}: exists already; choose another or remove it")
     rig, plan = _rig(options), _plan(options)
     steps = simulate_runs(rig, plan, np.random.default_rng(options.seed))
     runs = tuple(track(steps, "simulate", total=len(planned_takes(plan))))
@@ -164,9 +166,10 @@ def _chain(options: argparse.Namespace) -> Chain:
     from jointscope.sim.measurement_log import TorqueLog
 
     chain = noiseless() if options.noiseless else Chain()
+    probes = CurrentProbes(converter=chain.force_cell) if options.noiseless else CurrentProbes()
     return replace(
         chain,
         plc=replace(chain.plc, clock=Clock(delay=options.plc_delay, ppm=options.plc_ppm)),
         torque_log=TorqueLog(kind=options.torque_log, rate=options.torque_log_rate),
-        currents=CurrentProbes() if options.currents else None,
+        currents=probes if options.currents else None,
     )
