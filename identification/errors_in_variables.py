@@ -153,7 +153,7 @@ class InverseCovariance:
 def _stack(lines: Complex, noise: Real) -> Real:
     """(n_outputs, n, ...) complex over noise (n_outputs, n) -> (2 n_outputs n, ...) real."""
     scaled = lines / noise.reshape(noise.shape + (1,) * (lines.ndim - 2))
-    flat = scaled.reshape((-1, *lines.shape[2:]))
+    flat = scaled.reshape((noise.size, *lines.shape[2:]))
     return np.concatenate([flat.real, flat.imag])
 
 
