@@ -86,6 +86,7 @@ class Assembly:
         S: The kernel's switches, shape (kernel.N_S,).
         run: The run that is simulated.
         theta: Base parameters, in the order of ``BASE_NAMES``.
+        translational: Whether weight is a constant force.
         chain: The acquisition.
     """
 
@@ -93,6 +94,7 @@ class Assembly:
     S: NDArray[np.int64]
     run: PreparedRun
     theta: Vector
+    translational: bool = False
     chain: Chain = field(default_factory=Chain)
 
     def base(self, name: str) -> float:
@@ -149,7 +151,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
         S[kernel.MOTOR] = kernel.MOTOR_PRESCRIBED
     elif run.mode == "prescribed-load":
         S[kernel.LOAD_PRESCRIBED] = 1
-    assembly = Assembly(P, S, run, theta)
+    assembly = Assembly(P, S, run, theta, problem.rig.motion == "translational")
     if not run.spring:
         P[kernel.K] = P[kernel.C] = 0.0
     observed = run.observed
@@ -178,9 +180,7 @@ def close_loop(assembly: Assembly) -> None:
     P[kernel.LOOP_P] = gain
     P[kernel.LOOP_I] = factor * assembly.base("drive_integral")
     total = P[kernel.J_M] + P[kernel.J_L]
-    P[kernel.LOOP_MIX] = (
-        1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * OBSERVER_HZ / gain)
-    )
+    P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * OBSERVER_HZ / gain)
     if run.torque_limit is not None:
         P[kernel.LOOP_LIMIT] = factor * run.torque_limit
 

@@ -43,8 +43,8 @@ def _read(x: Vector, rate: float, t0: float, times: Vector, cutoff: float, table
     wide = REACH * rate / cutoff
     for i in range(times.shape[0]):
         at = (times[i] - t0) * rate
-        first = int(math.ceil(at - wide))
-        last = int(math.floor(at + wide))
+        first = math.ceil(at - wide)
+        last = math.floor(at + wide)
         total, weight = 0.0, 0.0
         for j in range(first, last + 1):
             position = abs(j - at) * cutoff / rate * _TABLE

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Nameplate, Run, Signal
+from jointscope.recordings.motor_torque import motor_torque as recorded_torque
 
 Vector = NDArray[np.float64]
-
-MOTOR_TORQUE = ("torque", "current", "voltage", "force", "phase-current")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,45 +87,28 @@ def load_torque(run: Run) -> Drive | None:
 
 
 def motor_torque(run: Run, rig: Nameplate) -> Drive | None:
-    """n T_e before the efficiency, at the joint output [N m]; from torque, q-axis or phase currents, or voltage."""
+    """n T_e before the efficiency, at the joint output [N m]; per ampere, volt or unit where its scale is unknown.
+
+    A torque is preferred to a current, a current to a voltage (a scaled torque: the back-EMF is viscous damping, which
+    the fit absorbs). Where only |T_e| is known there is no torque to drive a model with.
+    """
     n = rig.reduction_ratio or 1.0
-    phases = [s for s in _recorded(run) if s.channel.quantity == "phase-current"]
-    for signal in _recorded(run):
-        channel = signal.channel
-        if channel.location != "motor" or channel.quantity not in MOTOR_TORQUE:
-            continue
-        if channel.quantity in ("torque", "force"):
-            return _drive(signal, n if channel.side == "motor" else 1.0, channel.calibrated)
-        if channel.quantity == "current":
-            known = rig.torque_constant is not None and channel.calibrated
-            return _drive(signal, n * (rig.torque_constant or 1.0), known)
-        if channel.quantity == "voltage":
-            return _drive(signal, n, False)
-    if phases:
-        return _from_phases(run, rig, phases)
-    return None
-
-
-def _from_phases(run: Run, rig: Nameplate, phases: list[Signal]) -> Drive | None:
-    """Three phase currents and the motor angle give i_q with its sign; one phase alone only |i_q|, which is refused."""
-    angles = run.select("angle", location="motor")
-    if len(phases) < 3 or not angles or rig.pole_pairs is None:
-        return None
-    first = phases[0]
-    times = first.times
-    angle = bandlimited(angles[0].samples, angles[0].sampling_rate, angles[0].stream.start)(times)
-    i_q = np.zeros(times.size)
-    for k, signal in enumerate(phases[:3]):
-        current = bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)(times)
-        i_q -= 2.0 / 3.0 * current * np.sin(rig.pole_pairs * angle - 2.0 * math.pi * k / 3.0)
-    factor = (rig.reduction_ratio or 1.0) * (rig.torque_constant or 1.0)
-    return Drive(
-        bandlimited(i_q * factor, first.sampling_rate, first.stream.start),
-        first.device,
-        factor,
-        rig.torque_constant is not None,
-        i_q * factor,
-    )
+    forces = run.select("force", location="motor")
+    if forces:
+        return _drive(forces[0], 1.0, forces[0].channel.calibrated)
+    try:
+        found = recorded_torque(run, rig)
+    except RefusedError:
+        found = None
+    if found is not None and found.signed:
+        source = found.source
+        samples = np.asarray(found.values, dtype=np.float64) * n
+        size = float(np.max(np.abs(source.samples))) or 1.0
+        factor = float(np.max(np.abs(samples))) / size or n
+        signal = bandlimited(samples, source.sampling_rate, source.stream.start)
+        return Drive(signal, source.device, factor, found.unit == "N m", samples)
+    voltages = run.select("voltage", location="motor")
+    return _drive(voltages[0], n, False) if voltages else None
 
 
 def speed_command(run: Run, rig: Nameplate) -> Drive | None:

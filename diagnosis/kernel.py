@@ -252,7 +252,7 @@ def _rates_source(
     if P[STOP_K] != 0.0:
         depth = P[STOP_SIDE] * (q - P[STOP_ANGLE])
         if depth > 0.0:
-            reaction = P[STOP_K] * depth**P[STOP_EXPONENT] * (1.0 + P[STOP_C] * P[STOP_SIDE] * v)
+            reaction = P[STOP_K] * depth ** P[STOP_EXPONENT] * (1.0 + P[STOP_C] * P[STOP_SIDE] * v)
             if reaction > 0.0:
                 force_l -= P[STOP_SIDE] * reaction
     inertia = P[J_L]
@@ -310,9 +310,9 @@ def _rates_source(
 
 # inlined into the one hot loop; called as a function at the rare events
 _rates = _compiled(_rates_source)
-_rates_inlined = njit(
-    cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, inline="always"
-)(_rates_source)
+_rates_inlined = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, inline="always")(
+    _rates_source
+)
 
 
 @_compiled

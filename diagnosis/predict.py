@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.acquisition import driven_torque, load_input, shifted
-from jointscope.diagnosis.assembly import Assembly, assemble, close_loop, initial_state
+from jointscope.diagnosis.assembly import Assembly, assemble, initial_state
 from jointscope.diagnosis.channels import observe
 from jointscope.diagnosis.vibration import disturbance
 

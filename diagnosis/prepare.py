@@ -529,7 +529,9 @@ def _initial_angle(run: Run, rig: Nameplate, prescribed: Signal | None) -> float
 def _motor_zero(recorded: list[Signal], rig: Nameplate, run: Run) -> float:
     for signal in recorded:
         if signal.channel.quantity in ("angle", "position") and signal.channel.location == "motor":
-            return _first(np.asarray(signal.samples, dtype=np.float64)) / (rig.reduction_ratio or 1.0) - run.arm_angle
+            return (
+                _first(np.asarray(signal.samples, dtype=np.float64)) / (rig.reduction_ratio or 1.0) - run.arm_angle
+            )
     return 0.0
 
 

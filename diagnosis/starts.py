@@ -334,7 +334,9 @@ def _filled(trial: Vector, names: list[str], x: Vector) -> Vector:
 
 def _sign(response: Response, model: Complex) -> float:
     """+1 or -1: which polarity of the channel the model's phase agrees with."""
-    agreement = np.sum(response.weight * np.real(response.H * np.conj(model)) / (np.abs(response.H * model) + 1e-300))
+    agreement = np.sum(
+        response.weight * np.real(response.H * np.conj(model)) / (np.abs(response.H * model) + 1e-300)
+    )
     return -1.0 if agreement < 0.0 else 1.0
 
 

@@ -1,3 +1,184 @@
-from jointscope.diagnosis.effects.spec import EffectSpec
-SPECS: tuple[EffectSpec, ...] = ()
-PAYLOAD = None
+r"""On the arm: weight that the base lacks, inertia that differs between runs, a stop that it runs into.
+
+    - M cos(q + phi)                       gravity (a constant force on a translational rig)
+    J_L + inertia in some of the runs      payload
+    - k (q - q_stop)+                      end-stop, one-sided
+
+Facts used as tests: at standstill the transmission carries exactly the weight; a payload moves the held arm's frequency
+by sqrt(J/(J + dJ)); a stop leaves the motion below its angle untouched.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Starts, Values, one_start
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+
+def _gravity(assembly: Assembly, values: Values, weight: float) -> None:
+    moment = values[0]
+    phase = values[1] if len(values) > 1 else 0.0
+    if assembly.translational:
+        assembly.P[kernel.G_CONST] += moment
+        return
+    assembly.P[kernel.G_COS] += moment * math.cos(phase)
+    assembly.P[kernel.G_SIN] += moment * math.sin(phase)
+
+
+def _gravity_sizes(problem: Problem) -> tuple[float, float, float]:
+    s = problem.scales
+    size = max(s.motor_torque, abs(float(problem.base.start[BASE_INDEX["gravity_moment"]])), s.torque)
+    return 0.01 * size, 0.05 * size, 0.25 * size
+
+
+def _gravity_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    top = 20.0 * _gravity_sizes(problem)[2]
+    return {"moment": (-top, top)}
+
+
+def _gravity_possible(problem: Problem) -> str | None:
+    if problem.base.free[BASE_INDEX["gravity_moment"]]:
+        return "the arm's weight is not on the nameplate, so it is a parameter"
+    if all(run.mode == "braked" for run in problem.runs):
+        return "the motor is held in every run: weight only preloads the transmission"
+    return None
+
+
+def _payload(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.J_L] = max(assembly.P[kernel.J_L] + values[0] * weight, 1e-9)
+
+
+def _payload_sizes(problem: Problem) -> tuple[float, float, float]:
+    inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
+    return 0.01 * inertia, 0.05 * inertia, 0.2 * inertia
+
+
+def _payload_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
+    return {"inertia": (-0.6 * inertia, 3.0 * inertia)}
+
+
+def _several_runs(problem: Problem) -> str | None:
+    return None if len(problem.runs) > 1 else "one run can't show a difference between runs"
+
+
+def _stop(side: float) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        P = assembly.P
+        P[kernel.STOP_ANGLE], P[kernel.STOP_K] = values
+        P[kernel.STOP_SIDE], P[kernel.STOP_EXPONENT] = side, 1.0
+
+    return apply
+
+
+def _stop_sizes(problem: Problem) -> tuple[float, float, float]:
+    b = problem.base.start
+    stiffness = float(b[BASE_INDEX["stiffness"]])
+    if not any(run.spring for run in problem.runs):
+        stiffness = float(b[BASE_INDEX["load_inertia"]]) * (2.0 * math.pi * 10.0) ** 2
+    return 0.02 * stiffness, 0.2 * stiffness, 2.0 * stiffness
+
+
+def _stop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    s = problem.scales
+    return {
+        "angle": (s.angle_low - 0.05 * s.travel, s.angle_high + 0.05 * s.travel),
+        "stiffness": (0.0, 100.0 * _stop_sizes(problem)[2]),
+    }
+
+
+def _stop_starts(side: float) -> Starts:
+    def starts(problem: Problem) -> tuple[Values, ...]:
+        s = problem.scales
+        edge = s.angle_high if side > 0.0 else s.angle_low
+        return tuple((edge - side * share * s.travel,) for share in (0.03, 0.12, 0.3, 0.5))
+
+    return starts
+
+
+SPECS: tuple[EffectSpec, ...] = (
+    *(
+        EffectSpec(
+            name="gravity",
+            location="load",
+            variant=variant,
+            family="gravity",
+            parameters=parameters,
+            law=law,
+            revealed_by=("speed-motion", "torque-sweep"),
+            look_alikes=("sensor-tilt", "coulomb-friction"),
+            apply=_gravity,
+            scale=_gravity_sizes,
+            starts=starts,
+            possible=possible,
+            limits=_gravity_limits,
+        )
+        for variant, law, parameters, starts, possible in (
+            (
+                "level",
+                "-M cos(q)",
+                (ParameterSpec("moment", "N m", -1e9, 1e9, null=0.0),),
+                one_start,
+                _gravity_possible,
+            ),
+            (
+                "inclined",
+                "-M cos(q + phi)",
+                (
+                    ParameterSpec("moment", "N m", -1e9, 1e9, null=0.0),
+                    ParameterSpec("phase", "rad", -math.pi, math.pi),
+                ),
+                lambda problem: ((0.5 * math.pi,),),
+                lambda problem: (
+                    "one direction only on a translational rig"
+                    if problem.rig.motion == "translational"
+                    else _gravity_possible(problem)
+                ),
+            ),
+        )
+    ),
+    *(
+        EffectSpec(
+            name="end-stop",
+            location="load",
+            variant=variant,
+            family="contact",
+            parameters=(
+                ParameterSpec("angle", "rad", -1e3, 1e3),
+                ParameterSpec("stiffness", "N m/rad", 0.0, 1e12, null=0.0),
+            ),
+            law="k (q - q_stop)+ on the " + variant + " side",
+            revealed_by=("speed-motion", "torque-sweep", "hammer"),
+            look_alikes=("stiffness-nonlinearity", "backlash"),
+            apply=_stop(side),
+            scale=_stop_sizes,
+            starts=_stop_starts(side),
+            possible=lambda problem: None,
+            limits=_stop_limits,
+        )
+        for variant, side in (("upper", 1.0), ("lower", -1.0))
+    ),
+)
+
+PAYLOAD = EffectSpec(
+    name="payload",
+    location="load",
+    variant="some-runs",
+    family="inertia",
+    parameters=(ParameterSpec("inertia", "kg m^2", -1e9, 1e9, null=0.0),),
+    law="J_L + inertia in the loaded runs",
+    revealed_by=("hammer", "torque-sweep", "speed-motion"),
+    look_alikes=("stiffness-drift", "torque-gain"),
+    apply=_payload,
+    scale=_payload_sizes,
+    starts=one_start,
+    possible=_several_runs,
+    limits=_payload_limits,
+)

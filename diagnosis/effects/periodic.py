@@ -1,3 +1,159 @@
-from jointscope.diagnosis.effects.spec import EffectSpec
-SPECS: tuple[EffectSpec, ...] = ()
-PAYLOAD = None
+r"""Periodic in position: the gear's kinematic error and the motor's torque ripple.
+
+    Delta = q_s + a sin(order angle + phase) - q          transmission-error
+    tau + a sin(order angle + phase)                      torque-ripple (cogging), or a share of tau
+
+Facts used as tests: at constant speed w the line stands at order w; the error cancels in the momentum balance of both
+inertias, the ripple does not.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.effects.lines import Residuals, order_peaks
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    ParameterSpec,
+    Possible,
+    ResidualStarts,
+    Starts,
+    Values,
+    needs_motor,
+    needs_spring,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+_MOTOR_ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
+_OUTPUT_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 39.0, 40.0)
+_PHASES = (0.0, 0.5 * math.pi)
+
+
+def _error(per_output: bool) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        amplitude, order, phase = values
+        per_motor, per_load = (0.0, order) if per_output else (order * assembly.ratio, 0.0)
+        assembly.line(kernel.TE_0, kernel.N_TE, (amplitude, per_motor, per_load, phase))
+
+    return apply
+
+
+def _ripple(loaded: bool) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        amplitude, order, phase = values
+        per_motor = order * assembly.ratio
+        line = (0.0, amplitude, per_motor, phase) if loaded else (amplitude, 0.0, per_motor, phase)
+        assembly.line(kernel.RIPPLE_0, kernel.N_RIPPLE, line)
+
+    return apply
+
+
+def _starts(orders: tuple[float, ...]) -> Starts:
+    return lambda problem: tuple((order, phase) for order in orders for phase in _PHASES)
+
+
+def _found(per_output: bool) -> ResidualStarts:
+    def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
+        found = order_peaks(problem, residuals, 5, per_output=per_output)
+        return tuple((order, phase) for order in found for phase in _PHASES)
+
+    return starts
+
+
+def _possible(spring: bool, per_output: bool) -> Possible:
+    def possible(problem: Problem) -> str | None:
+        reason = needs_motor(problem)
+        if reason is None and spring:
+            reason = needs_spring(problem)
+        turn = problem.scales.travel * (1.0 if per_output else problem.rig.reduction_ratio or 1.0)
+        if reason is None and turn < 1.0:
+            reason = f"the travel of {problem.scales.travel:.2g} rad is a small part of a turn"
+        return reason
+
+    return possible
+
+
+def _error_sizes(problem: Problem) -> tuple[float, float, float]:
+    a = problem.scales.wind_up
+    return 0.003 * a, 0.02 * a, 0.1 * a
+
+
+def _ripple_sizes(problem: Problem) -> tuple[float, float, float]:
+    t = problem.scales.motor_torque or problem.scales.torque
+    return 0.003 * t, 0.015 * t, 0.06 * t
+
+
+def _error_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    return {"amplitude": (0.0, 2.0 * problem.scales.wind_up)}
+
+
+def _ripple_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    return {"amplitude": (0.0, 2.0 * (problem.scales.motor_torque or problem.scales.torque))}
+
+
+_PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
+_MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True)
+_OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True)
+_LINES = ("transmission-error", "torque-ripple", "external-vibration")
+
+SPECS: tuple[EffectSpec, ...] = (
+    *(
+        EffectSpec(
+            name="transmission-error",
+            location="transmission",
+            variant=variant,
+            family="periodic",
+            parameters=(ParameterSpec("amplitude", "rad", 0.0, 1.0, null=0.0), order, _PHASE),
+            law="q_s + a sin(order angle + phase)",
+            revealed_by=("speed-motion",),
+            look_alikes=_LINES[1:],
+            apply=_error(per_output),
+            scale=_error_sizes,
+            starts=_starts(orders),
+            possible=_possible(True, per_output),
+            limits=_error_limits,
+            residual_starts=_found(per_output),
+        )
+        for variant, order, orders, per_output in (
+            ("motor-order", _MOTOR_ORDER, _MOTOR_ORDERS, False),
+            ("output-order", _OUTPUT_ORDER, _OUTPUT_ORDERS, True),
+        )
+    ),
+    EffectSpec(
+        name="torque-ripple",
+        location="motor",
+        variant="cogging",
+        family="periodic",
+        parameters=(ParameterSpec("amplitude", "N m", 0.0, 1e9, null=0.0), _MOTOR_ORDER, _PHASE),
+        law="tau + a sin(order angle + phase)",
+        revealed_by=("speed-motion",),
+        look_alikes=(_LINES[0], _LINES[2]),
+        apply=_ripple(loaded=False),
+        scale=_ripple_sizes,
+        starts=_starts(_MOTOR_ORDERS),
+        possible=_possible(False, False),
+        limits=_ripple_limits,
+        residual_starts=_found(False),
+    ),
+    EffectSpec(
+        name="torque-ripple",
+        location="motor",
+        variant="load-proportional",
+        family="periodic",
+        parameters=(ParameterSpec("share", "1", 0.0, 0.9, null=0.0), _MOTOR_ORDER, _PHASE),
+        law="tau (1 + share sin(order angle + phase))",
+        revealed_by=("speed-motion",),
+        look_alikes=(_LINES[0], _LINES[2]),
+        apply=_ripple(loaded=True),
+        scale=lambda problem: (0.005, 0.02, 0.08),
+        starts=_starts(_MOTOR_ORDERS),
+        possible=_possible(False, False),
+        residual_starts=_found(False),
+    ),
+)

@@ -1,3 +1,116 @@
-from jointscope.diagnosis.effects.spec import EffectSpec
-SPECS: tuple[EffectSpec, ...] = ()
-PAYLOAD = None
+r"""The recording devices: one stamps late, one's clock runs fast, a slow log holds or averages the torque.
+
+    what happened at t is stamped (t + delay)(1 + ppm 1e-6) by the device that is not the DAQ
+
+Facts used as tests: a delay's phase is -w delay with gain 1; a drift of d ppm shifts the end of a run of length T by
+d T; averaging over 1/rate has the gain sinc(f/rate) and half that interval of delay, and is undone below rate/2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    ParameterSpec,
+    Values,
+    needs_motor_torque,
+    needs_two_clocks,
+    one_start,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+
+def _delay(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.delay += values[0]
+
+
+def _drift(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.clock += values[0] * 1e-6
+
+
+def _logging(kind: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        assembly.chain.log_rate, assembly.chain.log_kind = values[0], kind
+
+    return apply
+
+
+def _log_rate(problem: Problem) -> float:
+    return min((run.motor.signal.rate for run in problem.runs if run.motor is not None), default=500.0)
+
+
+def _rates(problem: Problem) -> tuple[float, float, float]:
+    rate = _log_rate(problem)
+    return 1.5 * rate, 0.7 * rate, 0.3 * rate
+
+
+def _held_rates(problem: Problem) -> tuple[float, float, float]:
+    rate = _log_rate(problem)
+    return 0.7 * rate, 0.5 * rate, 0.25 * rate
+
+
+def _log_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    rate = _log_rate(problem)
+    return {"rate": (0.02 * rate, 20.0 * rate)}
+
+
+_TIMING = ("drive-lag", "delay", "torque-logging", "sensor-resonance")
+
+SPECS: tuple[EffectSpec, ...] = (
+    EffectSpec(
+        name="delay",
+        location="acquisition",
+        variant="constant",
+        family="sensor-time",
+        parameters=(ParameterSpec("delay", "s", -0.05, 0.05, null=0.0),),
+        law="stamped t + delay by the device that is not the DAQ",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=tuple(name for name in _TIMING if name != "delay"),
+        apply=_delay,
+        scale=lambda problem: (1e-4, 5e-4, 2e-3),
+        starts=one_start,
+        possible=needs_two_clocks,
+    ),
+    EffectSpec(
+        name="clock-drift",
+        location="acquisition",
+        variant="constant",
+        family="sensor-time",
+        parameters=(ParameterSpec("ppm", "ppm", -2e4, 2e4, null=0.0),),
+        law="stamped t (1 + ppm 1e-6)",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=("delay",),
+        apply=_drift,
+        scale=lambda problem: tuple(x / max(problem.scales.duration, 0.1) for x in (30.0, 300.0, 2000.0)),  # type: ignore[return-value]
+        starts=one_start,
+        possible=needs_two_clocks,
+    ),
+    *(
+        EffectSpec(
+            name="torque-logging",
+            location="acquisition",
+            variant=kind,
+            family="sensor-time",
+            parameters=(ParameterSpec("rate", "Hz", 1.0, 1e6, log=True, null=math.inf),),
+            law=law,
+            revealed_by=("torque-sweep", "speed-motion"),
+            look_alikes=tuple(name for name in _TIMING if name != "torque-logging"),
+            apply=_logging(kind),
+            scale=scale,
+            starts=one_start,
+            possible=needs_motor_torque,
+            limits=_log_limits,
+        )
+        for kind, law, scale in (
+            ("averaged", "the log is the mean over the last 1/rate", _rates),
+            ("held", "the log repeats its last update", _held_rates),
+            ("aliased", "the log is thinned without a filter", _held_rates),
+        )
+    ),
+)

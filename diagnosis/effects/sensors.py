@@ -1,3 +1,178 @@
-from jointscope.diagnosis.effects.spec import EffectSpec
-SPECS: tuple[EffectSpec, ...] = ()
-PAYLOAD = None
+r"""The accelerometer and the hammer's load cell.
+
+    cos(angle) tangential + sin(angle) radial                 sensor-tilt
+    w^2/(s^2 + 2 zeta w s + w^2), or 1/(1 + s/w)              sensor-resonance
+    clip(y, +-level)                                          sensor-saturation
+    gain y                                                    sensor-gain (true over stated sensitivity or radius)
+
+Facts used as tests: at standstill a tilted dc sensor reads g cos(q - angle); a resonance amplifies low frequencies by
+1 + (f/f_a)^2; clipping leaves everything below its level untouched; a gain multiplies.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.effects.spec import (
+    EffectSpec,
+    ParameterSpec,
+    Values,
+    needs_accelerometer,
+    one_start,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.prepare import Problem
+
+
+def _tilt(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.tilt += values[0]
+
+
+def _resonance(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.resonance, assembly.chain.resonance_damping = values
+
+
+def _bandwidth(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.bandwidth = values[0]
+
+
+def _saturation(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.saturation = values[0]
+
+
+def _accelerometer_gain(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.accelerometer_gain *= values[0]
+
+
+def _force_gain(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.force_gain *= values[0]
+
+
+def _tilt_possible(problem: Problem) -> str | None:
+    if any(o.quantity == "linear-acceleration" for run in problem.runs for o in run.outputs):
+        return None
+    return "no linear accelerometer on a turning arm"
+
+
+def _force_possible(problem: Problem) -> str | None:
+    return None if any(run.load is not None for run in problem.runs) else "no force was recorded"
+
+
+def _grid_rate(problem: Problem) -> float:
+    return min(run.grid_rate for run in problem.runs)
+
+
+def _resonance_sizes(problem: Problem) -> tuple[float, float, float]:
+    top = 0.4 * _grid_rate(problem)
+    return top, 0.4 * top, 0.15 * top
+
+
+def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    return {"frequency": (0.3 * problem.scales.frequency, 0.44 * _grid_rate(problem))}
+
+
+def _levels(problem: Problem) -> tuple[float, float, float]:
+    peak = max(problem.scales.acceleration, 1e-9)
+    return 0.95 * peak, 0.75 * peak, 0.45 * peak
+
+
+def _level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    peak = max(problem.scales.acceleration, 1e-9)
+    return {"level": (0.01 * peak, 1.5 * peak)}
+
+
+_TIMING = ("delay", "drive-lag", "link-flexibility")
+_FREQUENCY = ParameterSpec("frequency", "Hz", 1.0, 1e5, log=True, null=math.inf)
+
+SPECS: tuple[EffectSpec, ...] = (
+    EffectSpec(
+        name="sensor-tilt",
+        location="acquisition",
+        variant="radial",
+        family="sensor-gain",
+        parameters=(ParameterSpec("angle", "rad", -0.8, 0.8, null=0.0),),
+        law="cos(angle) tangential + sin(angle) radial",
+        revealed_by=("speed-motion", "torque-sweep"),
+        look_alikes=("gravity", "sensor-gain"),
+        apply=_tilt,
+        scale=lambda problem: (0.01, 0.05, 0.15),
+        starts=one_start,
+        possible=_tilt_possible,
+    ),
+    EffectSpec(
+        name="sensor-resonance",
+        location="acquisition",
+        variant="mount",
+        family="sensor-gain",
+        parameters=(_FREQUENCY, ParameterSpec("damping", "1", 0.003, 1.5, log=True)),
+        law="w^2/(s^2 + 2 zeta w s + w^2)",
+        revealed_by=("hammer", "torque-sweep"),
+        look_alikes=_TIMING,
+        apply=_resonance,
+        scale=_resonance_sizes,
+        starts=lambda problem: ((0.05,), (0.3,)),
+        possible=needs_accelerometer,
+        limits=_resonance_limits,
+    ),
+    EffectSpec(
+        name="sensor-resonance",
+        location="acquisition",
+        variant="bandwidth",
+        family="sensor-gain",
+        parameters=(_FREQUENCY,),
+        law="1/(1 + s/w)",
+        revealed_by=("hammer", "torque-sweep"),
+        look_alikes=_TIMING,
+        apply=_bandwidth,
+        scale=_resonance_sizes,
+        starts=one_start,
+        possible=needs_accelerometer,
+        limits=_resonance_limits,
+    ),
+    EffectSpec(
+        name="sensor-saturation",
+        location="acquisition",
+        variant="clip",
+        family="sensor-gain",
+        parameters=(ParameterSpec("level", "m/s^2", 1e-6, 1e9, log=True, null=math.inf),),
+        law="clip(y, +-level)",
+        revealed_by=("hammer", "torque-sweep"),
+        look_alikes=("link-flexibility", "stiffness-nonlinearity"),
+        apply=_saturation,
+        scale=_levels,
+        starts=one_start,
+        possible=needs_accelerometer,
+        limits=_level_limits,
+    ),
+    EffectSpec(
+        name="sensor-gain",
+        location="acquisition",
+        variant="accelerometer",
+        family="sensor-gain",
+        parameters=(ParameterSpec("gain", "1", 0.2, 5.0, null=1.0),),
+        law="gain y",
+        revealed_by=("hammer", "torque-sweep"),
+        look_alikes=("torque-gain", "sensor-tilt"),
+        apply=_accelerometer_gain,
+        scale=lambda problem: (1.01, 1.04, 1.12),
+        starts=one_start,
+        possible=needs_accelerometer,
+    ),
+    EffectSpec(
+        name="sensor-gain",
+        location="acquisition",
+        variant="force",
+        family="sensor-gain",
+        parameters=(ParameterSpec("gain", "1", 0.2, 5.0, null=1.0),),
+        law="force / gain",
+        revealed_by=("hammer",),
+        look_alikes=("torque-gain",),
+        apply=_force_gain,
+        scale=lambda problem: (1.01, 1.04, 1.12),
+        starts=one_start,
+        possible=_force_possible,
+    ),
+)

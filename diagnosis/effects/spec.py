@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.prepare import Problem
 
@@ -44,6 +47,7 @@ Apply = Callable[["Assembly", Values, float], None]
 Scale = Callable[["Problem"], tuple[float, float, float]]
 Starts = Callable[["Problem"], tuple[Values, ...]]
 Possible = Callable[["Problem"], "str | None"]
+ResidualStarts = Callable[["Problem", "Sequence[Sequence[NDArray[np.float64]]]"], tuple[Values, ...]]
 
 
 def no_limits(problem: Problem) -> dict[str, tuple[float, float]]:
@@ -69,6 +73,7 @@ class EffectSpec:
         possible: ``None``, or why these recordings can't show it.
         limits: Bounds by parameter name for the rig at hand.
         run_weights: Amplitude's factor in each run (payload: which runs carry it; drift per run: how far), or ``None``.
+        residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``.
     """
 
     name: str
@@ -85,6 +90,7 @@ class EffectSpec:
     possible: Possible = field(repr=False)
     limits: Limits = field(default=no_limits, repr=False)
     run_weights: tuple[float, ...] | None = None
+    residual_starts: ResidualStarts | None = field(default=None, repr=False)
 
     @property
     def amplitude(self) -> int:

@@ -1,0 +1,109 @@
+"""Where a periodic or resonant candidate should start: lines in what a model leaves, against frequency and position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from jointscope.diagnosis.channels import ACCELERATIONS
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+Residuals = Sequence[Sequence[Vector]]  # per run of the problem, per output of the run: data - prediction
+
+_APART = 0.04  # relative spacing of two lines that count as two
+
+
+def recorded(problem: Problem) -> Residuals:
+    """The data themselves, where no model's residual is at hand."""
+    return [[np.where(o.mask, o.data - np.mean(o.data), 0.0) for o in run.outputs] for run in problem.runs]
+
+
+def spectral_peaks(
+    problem: Problem, residuals: Residuals, low: float, high: float, count: int, *, narrow: bool
+) -> tuple[float, ...]:
+    """Frequencies [Hz] of the strongest lines, each channel against its own background.
+
+    Args:
+        problem: The campaign as prepared.
+        residuals: What a model leaves, per run and output.
+        low, high: Band [Hz].
+        count: How many lines at most.
+        narrow: Lines against a local background (a tone); else broad maxima (a resonance).
+    """
+    grid = np.geomspace(low, high, 1200) if not narrow else np.linspace(low, high, int((high - low) / 0.1) + 2)
+    total = np.zeros(grid.size)
+    for run, rows in zip(problem.runs, residuals, strict=True):
+        for output, r in zip(run.outputs, rows, strict=True):
+            if output.quantity not in ACCELERATIONS or r.size < 64 or not np.any(r):
+                continue
+            x = np.where(output.mask, r, 0.0)
+            size = 2 ** int(np.ceil(np.log2(x.size))) * (4 if narrow else 1)
+            power = np.abs(np.fft.rfft(x * np.hanning(x.size), size)) ** 2
+            f = np.fft.rfftfreq(size, 1.0 / output.rate)
+            density = np.interp(grid, f, power, right=0.0)
+            if narrow:
+                background = median_filter(density, size=61, mode="nearest") + 1e-3 * density.mean() + 1e-300
+                total += np.minimum(density / background, 1e4)
+            else:
+                total += median_filter(density, size=9) / (density.mean() + 1e-300)
+    return _strongest(grid, total, count)
+
+
+def order_peaks(problem: Problem, residuals: Residuals, count: int, *, per_output: bool) -> tuple[float, ...]:
+    """Orders per motor (or output) turn at which residuals are periodic in position, over runs that travel."""
+    top = 60.0 if per_output else 14.0
+    grid = np.linspace(0.3, top, int(top * 20))
+    total = np.zeros(grid.size)
+    for run, rows in zip(problem.runs, residuals, strict=True):
+        path = _path(run, problem)
+        if path is None:
+            continue
+        scale = 1.0 if per_output else run.ratio
+        for output, r in zip(run.outputs, rows, strict=True):
+            if output.quantity not in ACCELERATIONS or not np.any(r):
+                continue
+            angle = np.interp(output.times, run.time, path) * scale / (2.0 * np.pi)
+            span = np.ptp(angle)
+            if span < 1.5:
+                continue
+            x = np.where(output.mask, r, 0.0)
+            x = x * np.abs(np.gradient(angle)) ** 0.5  # slow parts hold many samples per turn
+            spectrum = np.abs(np.exp(-2j * np.pi * grid[:, None] * angle[None, ::2]) @ x[::2]) ** 2
+            background = median_filter(spectrum, size=41, mode="nearest") + 1e-2 * spectrum.mean()
+            usable = grid > 3.0 / span
+            total += np.where(usable, spectrum / background, 0.0)
+    return _strongest(grid, total, count)
+
+
+def _path(run: PreparedRun, problem: Problem) -> Vector | None:
+    """The run's joint angle at the grid's nodes [rad], or ``None`` where it hardly moves."""
+    if run.observed is not None and not run.observed.rate_signal:
+        path = run.observed_half[::2]
+    elif run.command is not None:
+        path = np.cumsum(run.command_half[::2]) / run.grid_rate + run.initial_angle
+    else:
+        return None
+    return path if np.ptp(path) * run.ratio > 1.0 else None
+
+
+def _strongest(grid: Vector, total: Vector, count: int) -> tuple[float, ...]:
+    inner = (total[1:-1] >= total[:-2]) & (total[1:-1] > total[2:])
+    peaks = np.flatnonzero(inner) + 1
+    found: list[float] = []
+    for index in peaks[np.argsort(total[peaks])[::-1]]:
+        if total[index] <= 0.0 or len(found) >= count:
+            break
+        value = float(grid[index])
+        if all(abs(value - other) > _APART * other for other in found):
+            found.append(value)
+    return tuple(found)
+
+
+__all__ = ["Residuals", "order_peaks", "recorded", "spectral_peaks"]
