@@ -80,6 +80,7 @@ class Channel:
     side: Literal["motor", "output"] = "motor"
     per: Literal["peak", "rms"] = "peak"
     form: Literal["accelerance", "mobility", "receptance"] | None = None
+    reference_radius: float | None = None  # of an FRF's force [m]; the response's own ``radius`` where silent
     averages: int | None = None
     coherence: NDArray[np.float64] | None = field(default=None, repr=False)
     joint: str | None = None
@@ -105,6 +106,7 @@ class Stream:
         start_uncertainty: Standard deviation of ``start`` [s]; ``inf`` for ``start = "unknown"``; 0 when exact.
         length: Number of samples; 0 where no declared column is in the file.
         frequency: Frequency axis of an FRF stream [Hz], shape (n,); ``None`` for time data.
+        jitter: Largest distance of the file's time stamps from the uniform grid the samples were put on [s].
     """
 
     file: str
@@ -118,6 +120,7 @@ class Stream:
     gaps: Literal["refuse", "mask"] = "refuse"
     sync: str | None = None
     frequency: NDArray[np.float64] | None = field(default=None, repr=False)
+    jitter: float = 0.0
 
     @property
     def times(self) -> NDArray[np.float64]:

@@ -1,0 +1,39 @@
+"""Which reader opens which file."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Final
+
+from jointscope.errors import CampaignError
+from jointscope.recordings.files.columns import DataFile
+
+_READERS: Final = {
+    ".csv": "csv_file", ".txt": "csv_file", ".tsv": "csv_file", ".npz": "npz_file", ".h5": "hdf5_file",
+    ".hdf5": "hdf5_file", ".mat": "mat_file", ".uff": "uff_file", ".unv": "uff_file", ".tdms": "tdms_file",
+    ".lvm": "lvm_file",
+}  # fmt: skip
+SUFFIXES: Final = tuple(_READERS)
+
+
+def open_data_file(path: Path) -> DataFile:
+    """Open a data file by its suffix; only that format's library is imported.
+
+    Raises:
+        CampaignError: The suffix is unknown, or the file isn't what its suffix says.
+    """
+    name = _READERS.get(path.suffix.lower())
+    if name is None:
+        raise CampaignError(
+            path, None, f"unknown kind of file {path.suffix!r}", fix=f"one of {', '.join(SUFFIXES)}"
+        )
+    reader = importlib.import_module(f"jointscope.recordings.files.{name}")
+    try:
+        opened: DataFile = reader.open_file(path)
+    except CampaignError:
+        raise
+    except Exception as problem:  # libraries raise what they like at a broken file; the user needs its name
+        said = " ".join(str(problem).split()) or type(problem).__name__
+        raise CampaignError(path, None, f"not readable as {path.suffix}: {said}") from problem
+    return opened
