@@ -282,7 +282,7 @@ def _uncalibrated(input_unit: str) -> list[Refused]:
     if input_unit != "input unit":
         return []
     why = 'the scale of the force or of an acceleration is unknown (unit = "1" without scale): values are per input unit'
-    return [Refused(parameter=name, reason=why) for name in ("inertia", "stiffness", "damping")]
+    return [Refused(parameter=f"absolute {name}", reason=why) for name in ("inertia", "stiffness", "damping")]
 
 
 def _base_model(

@@ -27,11 +27,13 @@ class Mode:
         frequency: Natural frequency sqrt(a2)/2 pi [Hz].
         damping_ratio: a1/(2 sqrt(a2)) [-].
         b1: Modal constant per output [output's SI unit per input unit].
+        kind: ``resonance``, or ``antiresonance`` of the motor's own response.
     """
 
     frequency: Estimate
     damping_ratio: Estimate
     b1: tuple[float, ...] = ()
+    kind: str = "resonance"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,111 @@
+"""Campaign -> parameters: which of its recordings say something about the joint, and what they say.
+
+Hammer hits on the braked joint come first, measured FRFs next, then a motor bench (torque or current against the motor's
+and the load's motion). Runs kept for validation are never read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jointscope.errors import RefusedError
+from jointscope.identification.conditioning import gravity_stiffness
+from jointscope.identification.hammer import HammerPlan, identify_hammer
+from jointscope.identification.hit_spectra import Hit, Rejected, read_hit
+from jointscope.identification.measured_frf import frf_hits
+from jointscope.identification.motor_bench import bench_runs, identify_bench
+from jointscope.identification.result import Identification, Refused
+from jointscope.recordings.campaign import Campaign, Nameplate, Run
+
+NAMES = ("stiffness", "inertia", "damping")
+
+
+def identify(campaign: Campaign, plan: HammerPlan | None = None) -> Identification:
+    """Stiffness, inertia, damping and modes with intervals, or why not.
+
+    Args:
+        campaign: With samples, as ``recordings.reader.read_campaign`` returns it.
+        plan: What to fix beforehand; by default band and number of modes come from the data.
+
+    Returns:
+        The identification; where the recordings can't carry it, ``parameters`` is empty and ``refused`` says why.
+    """
+    plan = plan or HammerPlan()
+    runs = [run for run in campaign.runs if run.role != "validate"]
+    if not runs:
+        return refusal("every run has the role validate; identification reads estimate runs only")
+    hammer = [run for run in runs if run.experiment == "hammer"]
+    held = [run for run in hammer if run.brake or campaign.rig.topology == "single-dof" or _locked(run)]
+    rejected: list[Rejected] = []
+    hits: list[Hit] = []
+    for run in held:
+        answer = read_hit(run, campaign.rig)
+        if isinstance(answer, Rejected):
+            rejected.append(answer)
+        else:
+            hits.append(answer)
+    try:
+        if hits:
+            return identify_hammer(
+                _alike(hits, rejected), rejected, campaign.rig, _gravity(held, campaign.rig), plan
+            )
+        measured = frf_hits(runs, campaign.rig)
+        if measured:
+            return identify_hammer(measured, rejected, campaign.rig, _gravity(runs, campaign.rig), plan)
+        bench = bench_runs(runs)
+        if bench:
+            return identify_bench(bench, campaign.rig)
+    except RefusedError as problem:
+        return refusal(str(problem), rejected)
+    return refusal(_why_nothing(runs, hammer, held, rejected), rejected)
+
+
+def refusal(reason: str, rejected: Sequence[Rejected] = ()) -> Identification:
+    """An identification that refuses all three parameters for one reason."""
+    return Identification(
+        method="none",
+        band=(float("nan"), float("nan")),
+        parameters={},
+        modes=(),
+        refused=tuple(Refused(parameter=name, reason=reason) for name in NAMES),
+        rejected=tuple(rejected),
+    )
+
+
+def _locked(run: Run) -> bool:
+    return any(state in ("brake", "locked") for state in run.hold.values())
+
+
+def _alike(hits: Sequence[Hit], rejected: list[Rejected]) -> list[Hit]:
+    """Hits with the first one's outputs and units; the others are set aside."""
+    first = hits[0]
+    kept = []
+    for hit in hits:
+        if hit.spectrum.output.shape[0] == first.spectrum.output.shape[0] and hit.input_unit == first.input_unit:
+            kept.append(hit)
+        else:
+            rejected.append(
+                Rejected(run=hit.spectrum.run, finding="unlike", detail="other channels than the first hit's")
+            )
+    return kept
+
+
+def _gravity(runs: Sequence[Run], rig: Nameplate) -> float | None:
+    shares = [gravity_stiffness(run, rig) for run in runs]
+    known = [share for share in shares if share is not None]
+    return float(np.mean(known)) if known and len(known) == len(shares) else None
+
+
+def _why_nothing(
+    runs: Sequence[Run], hammer: Sequence[Run], held: Sequence[Run], rejected: Sequence[Rejected]
+) -> str:
+    if rejected:
+        return f"no usable hit among {len(rejected)}: {rejected[0].run}: {rejected[0].detail}"
+    if hammer and not held:
+        return "the hits were made with the motor free: K and J_L part only with brake = true"
+    return (
+        f"none of the {len(runs)} runs holds a hit on the braked joint, a measured FRF, or motor torque with the motion "
+        "of motor and load"
+    )
