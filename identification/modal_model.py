@@ -9,7 +9,7 @@ ends in motion gets its own transient instead (``errors_in_variables``), so that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ class ModalModel:
         b1: b1 per output and mode [output SI unit/s^0 per input unit], shape (n_outputs, n_modes).
         mass_line: mu per output, shape (n_outputs,), or shape (0,) where there is none.
         stiffness_line: kappa per output [s^2], shape (n_outputs,), or shape (0,).
+        b2: b2 per output and mode, shape (n_outputs, n_modes), or shape (0, 0). Where joints are damped unlike, modes
+            are complex: neighbouring joints pass a mode with a lag, which b2 s carries; zero for one joint.
     """
 
     a1: Real
@@ -35,6 +37,7 @@ class ModalModel:
     b1: Real
     mass_line: Real
     stiffness_line: Real
+    b2: Real = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def outputs(self) -> int:
@@ -57,15 +60,20 @@ class ModalModel:
         return self.a1 / (2.0 * np.sqrt(self.a2))
 
     def vector(self) -> Real:
-        """The parameters in one vector: a1, a2, b1 (output by output), mass line, stiffness line."""
-        return np.concatenate([self.a1, self.a2, self.b1.ravel(), self.mass_line, self.stiffness_line])
+        """The parameters in one vector: a1, a2, b1 (output by output), mass line, stiffness line, b2."""
+        return np.concatenate(
+            [self.a1, self.a2, self.b1.ravel(), self.mass_line, self.stiffness_line, self.b2.ravel()]
+        )
 
     def with_vector(self, values: Real) -> ModalModel:
         """The model of the same make-up with other parameters."""
         n, m = self.modes, self.outputs
         ends = np.cumsum([n, n, n * m, self.mass_line.size, self.stiffness_line.size])
-        a1, a2, b1, mass, stiff = np.split(values, ends[:-1])
-        return replace(self, a1=a1, a2=a2, b1=b1.reshape(m, n), mass_line=mass, stiffness_line=stiff)
+        a1, a2, b1, mass, stiff, b2 = np.split(values, ends)
+        return replace(
+            self, a1=a1, a2=a2, b1=b1.reshape(m, n), mass_line=mass, stiffness_line=stiff,
+            b2=b2.reshape(self.b2.shape),
+        )  # fmt: skip
 
     def admissible(self) -> bool:
         """Whether every mode oscillates and decays."""
@@ -78,6 +86,8 @@ class ModalModel:
     def response(self, s: Complex) -> Complex:
         """G(s), shape (n_outputs, n)."""
         result = self.b1 @ (s**2 / self.denominators(s))
+        if self.b2.size:
+            result = result + self.b2 @ (s / self.denominators(s))
         if self.mass_line.size:
             result = result + self.mass_line[:, None]
         if self.stiffness_line.size:
@@ -90,6 +100,8 @@ class ModalModel:
         inverse = 1.0 / self.denominators(s)  # (n_modes, n)
         basis = s**2 * inverse
         bend = -self.b1[:, :, None] * basis * inverse  # dG/da2, (n_outputs, n_modes, n)
+        if self.b2.size:
+            bend = bend - self.b2[:, :, None] * s * inverse**2
         result = np.zeros((m, s.size, self.vector().size), dtype=np.complex128)
         result[:, :, :n] = np.swapaxes(bend * s, 1, 2)
         result[:, :, n : 2 * n] = np.swapaxes(bend, 1, 2)
@@ -100,6 +112,8 @@ class ModalModel:
             for o in range(line.size):
                 result[o, :, at + o] = term
             at += line.size
+        for o in range(m if self.b2.size else 0):
+            result[o, :, at + o * n : at + (o + 1) * n] = (s * inverse).T
         return result
 
 
