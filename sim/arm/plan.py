@@ -70,7 +70,7 @@ class HammerSpot:
     radius: float = 0.50
     posture: Mapping[str, float] | None = None
     hammer: HammerPlan = field(
-        default_factory=lambda: HammerPlan(hits=20, levels=(250.0,), duration=4.0, double_hit_probability=0.0)
+        default_factory=lambda: HammerPlan(hits=20, levels=(120.0,), duration=4.0, double_hit_probability=0.0)
     )
 
 
@@ -116,7 +116,7 @@ class ArmMotion:
 def arm_chain() -> Chain:
     """DAQ at 1024 Hz, three phase currents at 10 kHz with 5 pole pairs and 0.458 N m/A (paper, Table 3), PLC."""
     return Chain(
-        accelerometer=Accelerometer(low_cutoff=0.5, converter=Converter(full_scale=490.0, noise_rms=0.005)),
+        accelerometer=Accelerometer(low_cutoff=0.5, converter=Converter(full_scale=490.0, noise_rms=0.01)),
         currents=CurrentProbes(),
     )
 
