@@ -63,6 +63,7 @@ N_OUT = 10
 _N_AUX = 16
 _STRUCTURAL_WIDTH = 0.05  # of the velocity amplitude at REID_OMEGA over which the structural law turns round
 _MAX_EVENTS = 12
+_TURN = 0.02  # rad over which weight is expanded to third order (1e-8)
 
 
 @_compiled
@@ -151,8 +152,9 @@ def _rates_source(
     sm: int,
     sl: int,
     aux: Real,
+    note: bool,
 ) -> None:
-    """Right-hand side with the friction directions ``sm``, ``sl`` (0: stuck) fixed; diagnostics go to ``aux``."""
+    """Right-hand side with the friction directions ``sm``, ``sl`` (0: stuck) fixed; with ``note`` diagnostics go to ``aux``."""
     q_s, v_s, q, v = x[0], x[1], x[2], x[3]
     motor = S[MOTOR]
     if motor == MOTOR_PRESCRIBED:
@@ -201,7 +203,8 @@ def _rates_source(
     if S[AT_LOOP] >= 0:
         j = S[AT_LOOP]
         wanted = P[LOOP_P] * (w - v_s) + P[LOOP_I] * x[j] + y
-        aux[12] = wanted
+        if note:
+            aux[12] = wanted
         held = min(max(wanted, -P[LOOP_LIMIT]), P[LOOP_LIMIT])
         dx[j] = w - v_s if held == wanted else 0.0
         tau = um + P[LOOP_MIX] * (held - um)
@@ -246,7 +249,12 @@ def _rates_source(
     # load side
     force_l = T + ul - P[B_L] * v - P[G_CONST]
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
-        force_l -= P[G_COS] * math.cos(q + beta) - P[G_SIN] * math.sin(q + beta)
+        d = q + beta - mem[5]
+        if abs(d) > _TURN:
+            mem[5], mem[6], mem[7] = q + beta, math.cos(q + beta), math.sin(q + beta)
+            d = 0.0
+        even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
+        force_l -= P[G_COS] * (mem[6] * even - mem[7] * odd) - P[G_SIN] * (mem[7] * even + mem[6] * odd)
     if P[C_QUADRATIC] != 0.0:
         force_l -= P[C_QUADRATIC] * v * abs(v)
     if P[STOP_K] != 0.0:
@@ -293,19 +301,20 @@ def _rates_source(
         j = S[AT_NEAR]
         dx[j], dx[j + 1] = x[j + 1], -acceleration - near_pull
 
-    aux[0] = force_m
-    aux[1] = force_l + inertia * (push - beta_2)
-    aux[2] = T
-    aux[3], aux[4] = level_m, level_l
-    aux[5], aux[6], aux[7] = a_s, acceleration, link_2
-    aux[8] = tau
-    aux[9] = delta
-    aux[10], aux[11] = q_s, v_s
-    aux[14], aux[15] = q, v
-    if S[LOAD_PRESCRIBED]:
-        aux[13] = inertia * acceleration - (force_l - ul)
-    else:
-        aux[13] = P[J_M] * a_s - (force_m - tau - P[J_M] * push)
+    if note:
+        aux[0] = force_m
+        aux[1] = force_l + inertia * (push - beta_2)
+        aux[2] = T
+        aux[3], aux[4] = level_m, level_l
+        aux[5], aux[6], aux[7] = a_s, acceleration, link_2
+        aux[8] = tau
+        aux[9] = delta
+        aux[10], aux[11] = q_s, v_s
+        aux[14], aux[15] = q, v
+        if S[LOAD_PRESCRIBED]:
+            aux[13] = inertia * acceleration - (force_l - ul)
+        else:
+            aux[13] = P[J_M] * a_s - (force_m - tau - P[J_M] * push)
 
 
 # inlined into the one hot loop; called as a function at the rare events
@@ -412,8 +421,9 @@ def simulate(
     n = out.shape[0] - 1
     m = S[N_X]
     k1, k2, xt, total, xn = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
-    aux, ahead, spare = np.zeros(_N_AUX), np.zeros(_N_AUX), np.zeros(_N_AUX)
-    mem = np.zeros(5)
+    aux, ahead = np.zeros(_N_AUX), np.zeros(_N_AUX)
+    mem = np.zeros(8)
+    mem[5] = 1e9  # angle about which weight is expanded; none yet
     mem[0] = _windup_of(x, P, S, y[0])
     hyst = S[HYST_KIND] != 0
     dry_m = S[FRICTION_M] != 0 and S[MOTOR] == MOTOR_FREE
@@ -442,15 +452,12 @@ def simulate(
                     a, b, c, e = um[2 * k + 2], ul[2 * k + 2], y[2 * k + 2], w[2 * k + 2]
                 else:
                     a, b, c, e = _at(um, k, at), _at(ul, k, at), _at(y, k, at), _at(w, k, at)
-                _rates_inlined(xt, k2, t0 + (k + at) * h, a, b, c, e, P, S, mem, sm, sl, spare)
+                _rates_inlined(xt, k2, t0 + (k + at) * h, a, b, c, e, P, S, mem, sm, sl, aux, stage == 0)
                 weight = 1.0 if stage == 0 or stage == 3 else 2.0
                 ahead_by = 0.5 * d if stage < 2 else d
                 for i in range(m):
                     total[i] += weight * k2[i]
                     xt[i] = x[i] + ahead_by * k2[i]
-                if stage == 0:
-                    for i in range(_N_AUX):
-                        aux[i] = spare[i]
             for i in range(m):
                 xn[i] = x[i] + d / 6.0 * total[i]
             if event == 0:
@@ -470,7 +477,7 @@ def simulate(
                         pending, share = 2, part
                 if (dry_m and sm == 0) or (dry_l and sl == 0):
                     j = 2 * k + 2
-                    _rates(xn, k1, t0 + (k + 1.0) * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, ahead)
+                    _rates(xn, k1, t0 + (k + 1.0) * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, ahead, True)
                     if dry_m and sm == 0:
                         go = _direction(ahead[0], ahead[3], P, FM_PLUS)
                         if go != 0:
@@ -500,7 +507,7 @@ def simulate(
                 x[1 if pending == 1 else 3] = 0.0
                 stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
                 a, b, c, e = _at(um, k, s), _at(ul, k, s), _at(y, k, s), _at(w, k, s)
-                _rates(x, k1, t0 + (k + s) * h, a, b, c, e, P, S, mem, stuck_m, stuck_l, ahead)
+                _rates(x, k1, t0 + (k + s) * h, a, b, c, e, P, S, mem, stuck_m, stuck_l, ahead, True)
                 if pending == 1:
                     sm = _direction(ahead[0], ahead[3], P, FM_PLUS)
                 else:
@@ -519,5 +526,5 @@ def simulate(
         for i in range(m):
             x[i] = xn[i]
     j = 2 * n
-    _rates(x, k1, t0 + n * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, aux)
+    _rates(x, k1, t0 + n * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, aux, True)
     _record(P, S, sm, sl, aux, out, n)
