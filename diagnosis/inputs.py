@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
+from jointscope.diagnosis.contact import contact_only
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque as recorded_torque
@@ -34,8 +35,10 @@ class Drive:
     samples: Vector
 
 
-def _drive(signal: Signal, factor: float, calibrated: bool) -> Drive:
+def _drive(signal: Signal, factor: float, calibrated: bool, *, impact: bool = False) -> Drive:
     samples = np.asarray(signal.samples, dtype=np.float64) * factor
+    if impact:
+        samples = contact_only(samples, signal.sampling_rate)
     return Drive(
         bandlimited(samples, signal.sampling_rate, signal.stream.start),
         signal.device,
@@ -78,7 +81,7 @@ def load_torque(run: Run) -> Drive | None:
         if channel.role != "input":
             continue
         if channel.quantity == "force" and channel.location == "arm":
-            parts.append(_drive(signal, channel.radius or 1.0, channel.calibrated))
+            parts.append(_drive(signal, channel.radius or 1.0, channel.calibrated, impact=run.experiment == "hammer"))
         elif channel.quantity == "torque" and channel.location in ("arm", "load"):
             parts.append(_drive(signal, 1.0, channel.calibrated))
         elif channel.quantity == "force" and channel.location == "load":

@@ -5,7 +5,6 @@ This is the file to read first. Every stage returns a new frozen object; nothing
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -69,10 +68,10 @@ def _restaged(stage: Stage, parent: Hypothesis) -> tuple[Stage, Hypothesis]:
 
 
 def explore(
-    stage: Stage, registry: Sequence[EffectSpec], effort: Effort, report: Report
+    stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
 ) -> tuple[Screening, list[Hypothesis]]:
     """Every hypothesis worth judging, fitted to the runs of ``stage``."""
-    candidates = candidates_for(stage.objective.problem, registry)
+    candidates = candidates_for(stage.objective.problem, specs)
     report(f"screening {len(candidates)} candidate laws")
     screening = screen_on(stage.objective, stage.fit, candidates, effort)
     report("fitting single effects")
@@ -109,29 +108,28 @@ def _promising(stage: Stage, child: Hypothesis) -> bool:
 def diagnose(
     problem: Problem,
     predict: Predict,
-    registry: Sequence[EffectSpec],
+    specs: Sequence[EffectSpec],
+    pool: ThreadPoolExecutor,
     *,
     effort: Effort | None = None,
-    workers: int | None = None,
     report: Report = silent,
 ) -> Diagnosis:
     """Diagnose a prepared campaign.
 
     Args:
         predict: The forward model, ``channels.predict_outputs`` in production.
-        registry: The catalogue.
-        workers: Threads; the processor's own number by default. The answer does not depend on it.
+        specs: The catalogue with the bounds of this rig.
+        pool: Threads that run the simulations; the answer does not depend on their number.
         report: Told of every stage as it begins.
     """
     effort = effort or Effort()
     split = split_runs(problem)
-    with ThreadPoolExecutor(max_workers=workers or os.cpu_count() or 1) as pool:
-        report(f"refitting the base model to {len(split.estimate)} runs")
-        stage = refit_base(problem, predict, split.estimate, pool)
-        screening, hypotheses = explore(stage, registry, effort, report)
-        report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
-        judgement = judge(stage, hypotheses, split.held_out)
-        decision = decide(judgement)
+    report(f"refitting the base model to {len(split.estimate)} runs")
+    stage = refit_base(problem, predict, split.estimate, pool)
+    screening, hypotheses = explore(stage, specs, effort, report)
+    report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
+    judgement = judge(stage, hypotheses, split.held_out)
+    decision = decide(judgement)
     return Diagnosis(problem, split, stage, screening, judgement, decision)
 
 

@@ -52,17 +52,9 @@ class Trial:
         return self.active.spec
 
 
-def amplitude_index(spec: EffectSpec) -> int:
-    """Position of the parameter whose null value switches the effect off."""
-    for position, parameter in enumerate(spec.parameters):
-        if parameter.null is not None:
-            return position
-    return 0
-
-
 def trial_effects(spec: EffectSpec, problem: Problem, sizes: Sequence[int] = (1,)) -> list[ActiveEffect]:
     """The candidate at its starts: amplitudes ``sizes`` (0 small, 1 medium, 2 large) times the grid of shapes."""
-    amplitude = amplitude_index(spec)
+    amplitude = spec.amplitude
     scale = spec.scale(problem)
     found = []
     for shape in spec.starts(problem):
@@ -75,7 +67,7 @@ def trial_effects(spec: EffectSpec, problem: Problem, sizes: Sequence[int] = (1,
 
 def resized(active: ActiveEffect, factor: float) -> ActiveEffect:
     """The effect with its amplitude's departure from null multiplied, inside its range."""
-    position = amplitude_index(active.spec)
+    position = active.spec.amplitude
     parameter = active.spec.parameters[position]
     null = 0.0 if parameter.null is None else float(parameter.null)
     value = active.values[position]
@@ -89,7 +81,7 @@ def resized(active: ActiveEffect, factor: float) -> ActiveEffect:
 
 def one_sided(spec: EffectSpec) -> bool:
     """Whether the amplitude may only lie on one side of its null value."""
-    parameter = spec.parameters[amplitude_index(spec)]
+    parameter = spec.parameters[spec.amplitude]
     null = 0.0 if parameter.null is None else float(parameter.null)
     return not parameter.lower < null < parameter.upper
 

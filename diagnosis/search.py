@@ -226,8 +226,8 @@ def extend(
     return sorted(found, key=lambda h: h.loss)
 
 
-def candidates_for(problem: Problem, registry: Sequence[EffectSpec]) -> list[ActiveEffect]:
+def candidates_for(problem: Problem, specs: Sequence[EffectSpec]) -> list[ActiveEffect]:
     """Every trial of every effect that these channels and experiments can show."""
     return [
-        active for spec in registry if spec.possible(problem) is None for active in trial_effects(spec, problem)
+        active for spec in specs if spec.possible(problem) is None for active in trial_effects(spec, problem)
     ]

@@ -39,10 +39,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Diagnose; the exit code is 0 whatever the verdict."""
     import json
+    import os
+    from concurrent.futures import ThreadPoolExecutor
 
     from jointscope.atomic import write_text
     from jointscope.diagnosis.answer import diagnosis_json, finite_or_none
-    from jointscope.diagnosis.effects import REGISTRY
+    from jointscope.diagnosis.effects import catalogue
     from jointscope.diagnosis.model_file import model_json
     from jointscope.diagnosis.pipeline import diagnose
     from jointscope.diagnosis.predict import free_prediction, predict_outputs
@@ -56,9 +58,10 @@ def run(options: argparse.Namespace) -> int:
 
     report("reading and preparing")
     problem = prepare(read_campaign(options.campaign))
-    diagnosis = diagnose(problem, predict_outputs, REGISTRY, workers=options.workers, report=report)
-    report("writing")
-    answer = finite_or_none(diagnosis_json(diagnosis, free_prediction))
+    with ThreadPoolExecutor(max_workers=options.workers or os.cpu_count() or 1) as pool:
+        diagnosis = diagnose(problem, predict_outputs, catalogue(problem), pool, report=report)
+        report("writing")
+        answer = finite_or_none(diagnosis_json(diagnosis, free_prediction))
     theta, effects = diagnosis.decision.chosen.fit.coordinates.unpack(diagnosis.decision.chosen.fit.x)
     model = model_json(problem.rig, problem.base.names, theta, effects)
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
@@ -80,7 +83,9 @@ def summary(answer: dict[str, Any], out: Path) -> str:
     lines.append("parameters:")
     lines.extend(f"  {name} = {_value(p)}" for name, p in answer["parameters"].items())
     for name, shift in answer["parameter_shift"].items():
-        lines.append(f"  {name}: nameplate {shift['nameplate']:.6g}, fitted {shift['fitted']:.6g} +- {shift['sigma']:.2g}")
+        lines.append(
+            f"  {name}: nameplate {shift['nameplate']:.6g}, fitted {shift['fitted']:.6g} +- {shift['sigma']:.2g}"
+        )
     held = answer["held_out"]
     if held:
         lines.append(
