@@ -91,8 +91,6 @@ def _run_lines(run: Run, rig: Nameplate) -> list[str]:
 
 
 def _stream_lines(stream: Stream, name: str) -> list[str]:
-    from jointscope.recordings.writer import coherence_column, frequency_column
-
     values: dict[str, Any] = {"file": name}
     if stream.frequency is None:
         values["sampling_rate"] = float(stream.sampling_rate)
@@ -111,3 +109,14 @@ def _stream_lines(stream: Stream, name: str) -> list[str]:
         coherence = None if channel.coherence is None else coherence_column(channel)
         lines.append(f"  {channel_line(channel, coherence=coherence)},")
     return [*lines, "]"]
+
+
+def frequency_column(stream: Stream) -> str:
+    """The column that holds the frequency axis of an FRF stream."""
+    names = {channel.column for channel in stream.channels}
+    return "frequency" if "frequency" not in names else "frequency axis"
+
+
+def coherence_column(channel: Channel) -> str:
+    """The column that holds an FRF's coherence."""
+    return f"coherence of {channel.column}"

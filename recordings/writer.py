@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.atomic import new_directory
-from jointscope.recordings.campaign import Campaign, Channel, Run, Stream
-from jointscope.recordings.toml_text import campaign_text
+from jointscope.recordings.campaign import Campaign, Run, Stream
+from jointscope.recordings.toml_text import campaign_text, coherence_column, frequency_column
 from jointscope.recordings.units import si_factor
 
 FileFormat = Literal["csv", "npz", "h5"]
@@ -81,19 +81,9 @@ def stream_columns(stream: Stream) -> Columns:
     return columns
 
 
-def frequency_column(stream: Stream) -> str:
-    """The column that holds the frequency axis of an FRF stream."""
-    names = {channel.column for channel in stream.channels}
-    return "frequency" if "frequency" not in names else "frequency axis"
-
-
-def coherence_column(channel: Channel) -> str:
-    """The column that holds an FRF's coherence."""
-    return f"coherence of {channel.column}"
-
-
 def _write_csv(path: Path, columns: Columns) -> None:
-    cells = [_cells(values) for values in columns.values()]
+    missing = "" if len(columns) > 1 else "nan"  # a line without any sign would be no line
+    cells = [_cells(values, missing) for values in columns.values()]
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(_header(name) for name in columns) + "\n")
         file.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
@@ -104,11 +94,11 @@ def _header(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if quoted else name
 
 
-def _cells(values: NDArray[Any]) -> list[str]:
-    """Shortest digits that read back to the same number; an empty cell for a missing sample."""
+def _cells(values: NDArray[Any], missing: str) -> list[str]:
+    """Shortest digits that read back to the same number; ``missing`` for a missing sample."""
     texts = [repr(value) for value in values.tolist()]
     if np.isrealobj(values) and np.isnan(values).any():
-        texts = ["" if text == "nan" else text for text in texts]
+        texts = [missing if text == "nan" else text for text in texts]
     return texts
 
 

@@ -29,7 +29,7 @@ def open_file(path: Path) -> DataFile:
     names = [name.strip() for name in next(csv.reader([header], delimiter=separator), [])]
     if names and names[0].startswith("#"):
         names[0] = names[0][1:].strip()
-    if not any(names) or all(_is_number(name) for name in names):
+    if not any(names):
         raise CampaignError(
             path, "line 1", "no header line", value=header.strip()[:40], fix="name the columns there"
         )
