@@ -1,0 +1,48 @@
+"""All laws, by draw; which effects are taken for each other."""
+
+from __future__ import annotations
+
+from jointscope.sim.concealed import (
+    acquisition,
+    arm_side,
+    drive_side,
+    friction,
+    further_modes,
+    transmission,
+    unlisted_development,
+)
+from jointscope.sim.concealed.law import Draw, Law
+
+LISTED: tuple[Law, ...] = (
+    *friction.LAWS, *transmission.LAWS, *drive_side.LAWS, *arm_side.LAWS, *further_modes.LAWS, *acquisition.LAWS,
+)  # fmt: skip
+UNLISTED: tuple[Law, ...] = unlisted_development.LAWS
+
+LOOK_ALIKES: tuple[frozenset[str], ...] = tuple(
+    frozenset(group.split())
+    for group in (
+        "backlash@transmission coulomb-friction@load hysteresis@transmission stiffness-nonlinearity@transmission",
+        "backlash@transmission stiffness-nonlinearity@transmission stiffness-drift@transmission end-stop@load",
+        "coulomb-friction@motor coulomb-friction@load stribeck-friction@motor load-dependent-friction@transmission",
+        "coulomb-friction@load stribeck-friction@load quadratic-damping@load hysteresis@transmission",
+        "coulomb-friction@load structural-damping@transmission quadratic-damping@load",
+        "load-dependent-friction@transmission torque-gain@motor coulomb-friction@motor sensor-gain@acquisition",
+        "delay@acquisition drive-lag@motor torque-logging@acquisition clock-drift@acquisition",
+        "sensor-resonance@acquisition delay@acquisition link-flexibility@load sensor-gain@acquisition",
+        "payload@load torque-gain@motor sensor-gain@acquisition stiffness-drift@transmission",
+        "gravity@load sensor-tilt@acquisition coulomb-friction@motor torque-gain@motor",
+        "link-flexibility@load base-compliance@base neighbour-flexibility@neighbour sensor-resonance@acquisition",
+        "transmission-error@transmission torque-ripple@motor external-vibration@base",
+        "sensor-saturation@acquisition stiffness-nonlinearity@transmission quadratic-damping@load",
+    )
+)  # science: which model recovers most of another's gain once both are refitted
+
+
+def laws(draw: Draw, *, unlisted: bool = False) -> tuple[Law, ...]:
+    """The laws that a draw may use."""
+    return tuple(law for law in (UNLISTED if unlisted else LISTED) if draw in law.draws)
+
+
+def rivals(label: str) -> tuple[str, ...]:
+    """``name@location`` of whatever is readily taken for ``label``, in a fixed order."""
+    return tuple(sorted({other for group in LOOK_ALIKES if label in group for other in group} - {label}))

@@ -1,0 +1,289 @@
+"""One case of a draw: rig, runs, effects of a chosen hardness, noise, and the truth about it.
+
+A case depends on the draw's seed and its own index only, so the order of work and the number of workers don't matter.
+What is drawn before the effect (experiments, rig, devices, noise) is drawn from streams of its own, alike for cases
+with and without one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.models.parameters import Rig
+from jointscope.sim.concealed import catalogue, paperwork, rigs, strength
+from jointscope.sim.concealed.law import Draw, Effect, Law, Setting, log_between
+from jointscope.sim.concealed.measurement import Noise, noisy
+from jointscope.sim.concealed.rehearsal import Plan, rehearse
+from jointscope.sim.concealed.seal import folder_digest
+
+Real = NDArray[np.float64]
+CaseKind = Literal["null", "hard-null", "single", "pair", "unlisted", "undecidable"]
+DrawKind = Literal["nulls", "singles", "pairs", "unlisted", "undecidable", "mixed"]
+SHARES: dict[DrawKind, dict[CaseKind, float]] = {
+    "nulls": {"null": 2 / 3, "hard-null": 1 / 3},
+    "singles": {"single": 1.0},
+    "pairs": {"pair": 1.0},
+    "unlisted": {"unlisted": 1.0},
+    "undecidable": {"undecidable": 1.0},
+    "mixed": {
+        "null": 0.22, "hard-null": 0.11, "single": 0.34, "pair": 0.165, "unlisted": 0.11, "undecidable": 0.055,
+    },
+}  # fmt: skip
+SET_SHARES = {"H": 0.27, "S": 0.06, "M": 0.07, "HS": 0.28, "HSM": 0.32}
+EASIEST, HARDEST = 120.0, 4.5  # z_d that is aimed at
+MATERIAL = 0.005
+_TRIES = 5
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked for: one draw."""
+
+    seed: int
+    cases: int
+    kind: DrawKind
+    draw: Draw
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A case before anything is concealed in it."""
+
+    rig: Rig
+    plan: Plan
+    noise: Noise
+    experiments: str
+    topology: Literal["two-inertia", "single-dof"]
+
+    @property
+    def setting(self) -> Setting:
+        """The case's scales."""
+        assert self.plan.setting is not None
+        return self.plan.setting
+
+
+def case_name(order: Order, index: int) -> str:
+    """A name without meaning."""
+    words = np.random.SeedSequence([order.seed, index, 7]).generate_state(1, np.uint64)
+    return f"{int(words[0]) >> 24:010x}"
+
+
+def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:
+    """Draw case ``index``, write its campaign into ``directory``, return the truth about it."""
+    root = np.random.SeedSequence([order.seed, index])
+    kinds, bench_seed, effect_seed, noise_seed, paper_seed = root.spawn(5)
+    kind = _kind(order, np.random.default_rng(kinds))
+    bench = draw_bench(np.random.default_rng(bench_seed), order.draw, hard=kind == "hard-null")
+    rng = np.random.default_rng(effect_seed)
+    effects, measured = conceal(bench, kind, order, index, rng)
+    clean = rehearse(bench.rig, bench.plan, effects, range(len(bench.plan.takes)))
+    noise_rng = np.random.default_rng(noise_seed)
+    records = [noisy(channels, bench.plan.devices, bench.noise, noise_rng) for channels in clean]
+    paper = np.random.default_rng(paper_seed)
+    plate = paperwork.nameplate(bench.rig, bench.topology, paper, 0.35 if kind == "hard-null" else 0.15)
+    case = paperwork.campaign(bench.rig, bench.plan, records, plate, paper)
+    paperwork.write_case(case, directory)
+    return _truth(
+        order, index, kind, bench, effects, measured, clean, records, directory, [r.id for r in case.runs]
+    )
+
+
+def _kind(order: Order, rng: np.random.Generator) -> CaseKind:
+    shares = SHARES[order.kind]
+    return list(shares)[int(rng.choice(len(shares), p=np.array(list(shares.values())) / sum(shares.values())))]
+
+
+def draw_bench(rng: np.random.Generator, draw: Draw, *, hard: bool, experiments: str | None = None) -> Bench:
+    """Rig, runs, devices and noise of a case."""
+    names = list(SET_SHARES)
+    chosen = names[int(rng.choice(len(names), p=list(SET_SHARES.values())))]
+    experiments = experiments or chosen
+    vertical, single = rng.random() < 0.65, rng.random() < 0.3
+    rig = rigs.draw_rig(rng, draw, vertical=bool(vertical))
+    kinds = rigs.SETS[experiments]
+    plan = rigs.draw_plan(rng, draw, rig, kinds)
+    if single and experiments == "H":  # no motor to look at
+        plan = replace(plan, devices=replace(plan.devices, motor_encoder=False))
+    plan = rigs.settle_scales(rig, plan, kinds)
+    noise = rigs.draw_noise(rng, draw, plan, hard=hard)
+    plan = rigs.scatter_hits(rng, plan, noise)
+    topology: Literal["two-inertia", "single-dof"] = (
+        "single-dof" if single and experiments == "H" else "two-inertia"
+    )
+    return Bench(rig, plan, noise, experiments, topology)
+
+
+def conceal(
+    bench: Bench, kind: CaseKind, order: Order, index: int, rng: np.random.Generator
+) -> tuple[tuple[Effect, ...], strength.Strength | None]:
+    """The effects of a case, and how hard it is."""
+    if kind in ("null", "hard-null"):
+        return (), None
+    yard = strength.yardstick(bench.rig, bench.plan, bench.noise)
+    target = log_between(HARDEST, EASIEST, float(rng.random()))
+    if kind == "unlisted":
+        return _single(bench, yard, _pool(bench, order.draw, unlisted=True), target, rng)
+    pool = _pool(bench, order.draw, unlisted=False)
+    if kind == "single":
+        labels = sorted({f"{law.effect}@{law.location}" for law in pool})
+        label = labels[int(rng.integers(len(labels)))]
+        return _single(bench, yard, [law for law in pool if f"{law.effect}@{law.location}" == label], target, rng,
+                       fallback=pool)  # fmt: skip
+    if kind == "undecidable":
+        return _single(bench, yard, pool, 2.0, rng)
+    return _pair(bench, yard, pool, target, rng)
+
+
+def _pool(bench: Bench, draw: Draw, *, unlisted: bool) -> list[Law]:
+    fitting = [law for law in catalogue.laws(draw, unlisted=unlisted) if law.applies(bench.setting)]
+    return fitting or [law for law in catalogue.laws(draw) if law.applies(bench.setting)]
+
+
+def _start(law: Law, setting: Setting, rng: np.random.Generator) -> Effect:
+    low, high = law.span(setting)
+    return Effect(law, law.shape(setting, rng)).scaled(log_between(low, high, 0.5))
+
+
+def _single(
+    bench: Bench, yard: strength.Yardstick, pool: Sequence[Law], target: float, rng: np.random.Generator,
+    fallback: Sequence[Law] = (),
+) -> tuple[tuple[Effect, ...], strength.Strength]:  # fmt: skip
+    """One effect, scaled until z_d is about ``target`` (and the effect is material)."""
+    best: tuple[tuple[Effect, ...], strength.Strength] | None = None
+    for attempt in range(3):
+        laws = pool if attempt < 2 or not fallback else fallback
+        effect = _start(laws[int(rng.integers(len(laws)))], bench.setting, rng)
+        against = rival_directions(yard, bench, effect.label, rng)
+        effect, measured = scale_to(yard, bench, effect, against, target)
+        if best is None or measured.z_d > best[1].z_d:
+            best = ((effect,), measured)
+        if measured.z >= 4.0 and measured.z_d >= min(4.0, target):
+            return (effect,), measured
+    assert best is not None
+    return best
+
+
+def scale_to(
+    yard: strength.Yardstick, bench: Bench, effect: Effect, against: Mapping[str, Real], target: float
+) -> tuple[Effect, strength.Strength]:
+    """Change the effect's strength within its law's limits until z_d is near ``target``."""
+    low, high = effect.law.span(bench.setting)
+    share = 0.5
+    tried: list[tuple[float, float]] = []
+    measured = strength.measure(yard, (effect,), against)
+    for _ in range(_TRIES):
+        wanted = target * max(1.0, MATERIAL / max(measured.materiality, 1e-9)) if target > 4.0 else target
+        wanted = min(wanted, 10.0 * target)
+        if 0.6 < measured.z_d / wanted < 1.6:
+            break
+        tried.append((share, np.log(max(measured.z_d, 1e-6))))
+        new = _next_share(tried, float(np.log(wanted)), abs(float(np.log(high / low))))
+        if abs(new - share) < 0.01:
+            break
+        share = new
+        effect = effect.scaled(log_between(low, high, share))
+        measured = strength.measure(yard, (effect,), against)
+    return effect, measured
+
+
+def _next_share(tried: Sequence[tuple[float, float]], wanted: float, decades: float) -> float:
+    """A secant step on log z_d against the share of the law's range; the first assumes proportion."""
+    share, got = tried[-1]
+    slope = decades
+    if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
+        slope = (tried[-1][1] - tried[-2][1]) / (tried[-1][0] - tried[-2][0])
+        slope = float(np.clip(slope, 0.4 * decades, 4.0 * decades))
+    return float(np.clip(share + (wanted - got) / slope, 0.0, 1.0))
+
+
+def rival_directions(
+    yard: strength.Yardstick, bench: Bench, label: str, rng: np.random.Generator
+) -> dict[str, Real]:
+    """What the look-alikes of ``label`` would add, each in one or two shapes."""
+    out: dict[str, Real] = {}
+    for rival in catalogue.rivals(label):
+        laws = [
+            law for law in catalogue.laws("development")
+            if f"{law.effect}@{law.location}" == rival and not law.departs and law.applies(bench.setting)
+        ]  # fmt: skip
+        if not laws:
+            continue
+        first = _start(laws[int(rng.integers(len(laws)))], bench.setting, rng)
+        tried = [first]
+        if "frequency" in first.values or "order" in first.values:
+            tried.append(_start(laws[int(rng.integers(len(laws)))], bench.setting, rng))
+        columns = [strength.direction(yard, effect) for effect in tried]
+        out[rival] = np.column_stack(
+            [column for column in columns if np.linalg.norm(column) > 0.0] or [columns[0]]
+        )
+    return out
+
+
+def _pair(
+    bench: Bench, yard: strength.Yardstick, pool: Sequence[Law], target: float, rng: np.random.Generator
+) -> tuple[tuple[Effect, ...], strength.Strength]:
+    """Two effects, in two cases out of three look-alikes of each other, each hard to do without."""
+    labels = sorted({f"{law.effect}@{law.location}" for law in pool})
+    first = labels[int(rng.integers(len(labels)))]
+    alike = [label for label in catalogue.rivals(first) if label in labels]
+    others = alike if alike and rng.random() < 0.66 else [label for label in labels if label != first]
+    second = others[int(rng.integers(len(others)))]
+    chosen: list[Effect] = []
+    for label in (first, second):
+        laws = [law for law in pool if f"{law.effect}@{law.location}" == label]
+        effect = _start(laws[int(rng.integers(len(laws)))], bench.setting, rng)
+        aim = target * float(np.exp(rng.uniform(0.3, 1.2)))
+        effect, _ = scale_to(yard, bench, effect, {}, aim)
+        chosen.append(effect)
+    against = {effect.label: strength.direction(yard, effect)[:, None] for effect in chosen}
+    return tuple(chosen), strength.measure(yard, tuple(chosen), against)
+
+
+def _truth(
+    order: Order, index: int, kind: CaseKind, bench: Bench, effects: Sequence[Effect],
+    measured: strength.Strength | None, clean: Sequence[Mapping[str, Real]], records: Sequence[Mapping[str, Real]],
+    directory: Path, ids: Sequence[str],
+) -> dict[str, Any]:  # fmt: skip
+    joint = bench.rig.joint
+    return {
+        "case": directory.name,
+        "index": index,
+        "kind": kind,
+        "draw": order.draw,
+        "experiments": bench.experiments,
+        "topology": bench.topology,
+        "channels": sorted({name for record in records for name in record}),
+        "effects": [
+            {
+                "effect": effect.law.effect, "location": effect.law.location, "law": effect.law.law,
+                "departs": effect.law.departs, "listed": kind != "unlisted", "main": effect.law.main,
+                "parameters": effect.reported(bench.setting), "values": dict(effect.values),
+            }
+            for effect in effects
+        ],
+        "strength": asdict(measured) if measured is not None else None,
+        "parameters": {
+            "stiffness": joint.stiffness, "inertia": joint.load_inertia, "damping": joint.damping,
+            "motor_damping": joint.motor_damping, "load_damping": joint.load_damping,
+        },
+        "noise": asdict(bench.noise),
+        "floor": {run: _floor(a, b) for run, a, b in zip(ids, clean, records, strict=True)},
+        "digest": folder_digest(directory),
+    }  # fmt: skip
+
+
+def _floor(clean: Mapping[str, Real], record: Mapping[str, Real]) -> dict[str, float]:
+    """Per output channel, the error of a perfect model over the recording (rms; angles less their first value)."""
+    out = {}
+    for name in ("acceleration", "arm", "motor"):
+        if name in record:
+            whole = record[name] - (record[name][0] if name != "acceleration" else 0.0)
+            size = float(np.sqrt(np.mean(whole**2)))
+            out[name] = float(np.sqrt(np.mean((record[name] - clean[name]) ** 2))) / max(size, 1e-300)
+    return out

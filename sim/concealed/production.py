@@ -1,0 +1,87 @@
+"""A whole draw: many cases on several processes, resumable, sealed at the end."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from jointscope.atomic import replaced_file, write_text
+from jointscope.errors import InputError
+from jointscope.progress import track
+from jointscope.sim.concealed.draw import Order, case_name, make_case
+from jointscope.sim.concealed.seal import seal, unseal, write_seal
+
+ORDER = "draw.json"
+PARTS = ".parts"
+
+
+def produce(order: Order, folder: Path, workers: int) -> str:
+    """Write ``order``'s cases into ``folder`` and seal their truth; finished cases are kept when it is run again.
+
+    Returns:
+        SHA-256 of the seal.
+
+    Raises:
+        InputError: The folder holds another draw.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    _claim(order, folder)
+    (folder / PARTS).mkdir(exist_ok=True)
+    todo = [i for i in range(order.cases) if not _finished(folder, case_name(order, i))]
+    for _ in track(_work(order, folder, todo, workers), "concealing", len(todo)):
+        pass
+    cases = {}
+    for i in range(order.cases):
+        part = folder / PARTS / f"{case_name(order, i)}.sealed"
+        cases[case_name(order, i)] = unseal(part.read_bytes(), part)
+    truth = {"format": "jointscope-truth/1", "order": _as_json(order), "cases": dict(sorted(cases.items()))}
+    return write_seal(folder, truth)
+
+
+def _as_json(order: Order) -> dict[str, object]:
+    return {"seed": order.seed, "cases": order.cases, "kind": order.kind, "draw": order.draw}
+
+
+def _claim(order: Order, folder: Path) -> None:
+    """The number of cases may grow; nothing else may change."""
+    file = folder / ORDER
+    if file.is_file():
+        held = json.loads(file.read_text(encoding="utf-8"))
+        for key, value in _as_json(order).items():
+            if key != "cases" and held.get(key) != value:
+                raise InputError(file, key, f"this folder holds another draw than {value!r}", value=held.get(key),
+                                 fix="choose another --out")  # fmt: skip
+    elif any(folder.iterdir()):
+        raise InputError(folder, None, "isn't empty and holds no draw", fix="choose another --out")
+    write_text(file, json.dumps(_as_json(order)) + "\n")
+
+
+def _finished(folder: Path, name: str) -> bool:
+    return (folder / PARTS / f"{name}.sealed").is_file() and (folder / name / "campaign.toml").is_file()
+
+
+def _one(task: tuple[Order, int, str]) -> int:
+    order, index, folder = task
+    name = case_name(order, index)
+    directory = Path(folder) / name
+    if (directory / "campaign.toml").is_file():  # written, but its truth was lost with the process
+        for file in directory.iterdir():
+            file.unlink()
+        directory.rmdir()
+    truth = make_case(order, index, directory)
+    with replaced_file(Path(folder) / PARTS / f"{name}.sealed") as temporary:
+        temporary.write_bytes(seal(truth))
+    return index
+
+
+def _work(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator[int]:
+    tasks = [(order, index, str(folder)) for index in todo]
+    if workers <= 1 or len(tasks) <= 1:
+        yield from map(_one, tasks)
+        return
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with multiprocessing.get_context("spawn").Pool(min(workers, len(tasks))) as pool:
+        yield from pool.imap_unordered(_one, tasks)

@@ -1,0 +1,46 @@
+"""Write recordings in which an effect is concealed, and seal what it is.
+
+  jointscope conceal --seed 7 --cases 60 --out out/draw
+  jointscope conceal --seed 7 --cases 40 --kind nulls --out out/nulls
+
+Each case is a campaign of a rig of its own, simulated in MuJoCo with physics that the plain model lacks (or with none
+at all, or with a fault of the recording, or with two effects, or with something no catalogue lists), hidden under
+realistic noise. Nothing in a campaign tells which: names, counts, formats and time stamps are alike.
+
+The truth goes into OUT/truth.sealed. Its SHA-256 is printed: write it down before anything is diagnosed.
+'jointscope prove OUT' diagnoses every case, checks the hash, opens the seal and scores.
+
+Draws for developing and calibrating a diagnosis differ from those for testing it in seeds, ranges and laws.
+Run it again with the same words to go on after an interruption; results don't depend on --workers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+KINDS = ("mixed", "singles", "nulls", "pairs", "unlisted", "undecidable")
+DRAWS = ("development", "calibration", "test")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    parser.add_argument("--seed", type=int, required=True, help="of the whole draw")
+    parser.add_argument("--cases", type=int, required=True, help="how many campaigns")
+    parser.add_argument("--out", type=Path, required=True, help="new folder, or one to go on with")
+    parser.add_argument("--kind", choices=KINDS, default="mixed", help="what the cases conceal (default: mixed)")
+    parser.add_argument("--draw", choices=DRAWS, default="test", help="whose laws and ranges (default: test)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Produce the draw and print the seal's hash."""
+    from jointscope.sim.concealed.draw import Order
+    from jointscope.sim.concealed.production import produce
+
+    order = Order(seed=options.seed, cases=options.cases, kind=options.kind, draw=options.draw)
+    found = produce(order, options.out, options.workers)
+    print(f"{options.out}: {options.cases} campaigns, their truth sealed in truth.sealed")
+    print(f"sha256 {found}")
+    return 0
