@@ -48,6 +48,9 @@ def driven_torque(assembly: Assembly) -> Vector:
     if chain.lag > 0.0:
         torque = lagged(torque, chain.lag, 2.0 * run.grid_rate)
     factor = assembly.base("efficiency") * assembly.base("torque_scale") * chain.torque_gain
+    offset = assembly.base("torque_offset")
+    if offset != 0.0:
+        torque = torque + offset
     return torque if factor == 1.0 else torque * factor
 
 

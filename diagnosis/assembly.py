@@ -29,6 +29,7 @@ BASE_NAMES = (
     "gravity_moment",
     "efficiency",
     "torque_scale",
+    "torque_offset",
     "drive_gain",
     "drive_integral",
 )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.errors import RefusedError
 from jointscope.diagnosis.contact import contact_only
+from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque as recorded_torque
@@ -111,7 +111,7 @@ def motor_torque(run: Run, rig: Nameplate) -> Drive | None:
         signal = bandlimited(samples, source.sampling_rate, source.stream.start)
         return Drive(signal, source.device, factor, found.unit == "N m", samples)
     voltages = run.select("voltage", location="motor")
-    return _drive(voltages[0], n, False) if voltages else None
+    return _drive(voltages[0], n, voltages[0].channel.scale is not None) if voltages else None
 
 
 def speed_command(run: Run, rig: Nameplate) -> Drive | None:

@@ -1,0 +1,134 @@
+"""The base model's parameters: which these recordings can move, their rough values, bounds and sizes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
+from jointscope.models.parameters import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import BaseSpec, PreparedRun
+    from jointscope.recordings.campaign import Nameplate
+
+
+def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
+    return any(
+        (run.load is not None and run.load.calibrated) or (run.motor is not None and run.motor.calibrated)
+        for run in runs
+    )
+
+
+def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
+    """Which parameters these recordings can move, from the nameplate alone for now."""
+    from jointscope.diagnosis.prepare import BaseSpec
+
+    n = rig.reduction_ratio or 1.0
+    moving = any(run.motor_moves for run in runs)
+    driven = any(run.motor is not None for run in runs)
+    swung = any(run.mode != "braked" for run in runs)
+    springs = any(run.spring for run in runs)
+    exact = rig.motor_inertia is not None and rig.reducer_inertia is not None
+    load_known = any(run.load is not None and run.load.calibrated for run in runs)
+    motor_known = any(run.motor is not None and run.motor.calibrated for run in runs)
+    J_L = rig.inertia_reference or (
+        1.3 * rig.arm_mass * (rig.arm_com_radius or 0.5) ** 2 if rig.arm_mass is not None else 1.0
+    )
+    if rig.motion == "translational":
+        J_L = rig.inertia_reference or rig.arm_mass or 1.0
+    J_M = ((rig.motor_inertia or 0.0) + (rig.reducer_inertia or 0.0)) * n * n or J_L
+    K = rig.stiffness_reference or J_L * (2.0 * math.pi * 30.0) ** 2
+    c = rig.damping_reference or 2.0 * 0.03 * math.sqrt(K * J_L)
+    weight = 0.0
+    gravity_free = False
+    if rig.plane == "vertical":
+        if rig.motion == "translational":
+            weight = (rig.arm_mass or 0.0) * STANDARD_GRAVITY
+        elif rig.arm_mass is not None and rig.arm_com_radius is not None:
+            weight = rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius
+        else:
+            gravity_free = any(run.motor is not None or run.command is not None for run in runs) and swung
+    # with a hammer the arm's inertia is absolute, and then the torque's way to it is too
+    efficiency_free = rig.efficiency is None and driven and motor_known and load_known and moving
+    scale_free = driven and not motor_known and (load_known or (exact and moving))
+    start = {
+        "stiffness": K,
+        "damping": c,
+        "load_inertia": J_L,
+        "motor_inertia": J_M,
+        "motor_damping": rig.motor_damping if rig.motor_damping is not None else 0.0,
+        "load_damping": rig.load_damping if rig.load_damping is not None else 0.0,
+        "gravity_moment": weight,
+        "efficiency": rig.efficiency or 1.0,
+        "torque_scale": 1.0,
+        "torque_offset": 0.0,
+        "drive_gain": (J_M + J_L) * 60.0,
+        "drive_integral": (J_M + J_L) * 60.0 * 6.0,
+    }
+    free = {
+        "stiffness": springs,
+        "damping": springs,
+        "load_inertia": True,
+        "motor_inertia": moving and not exact,
+        "motor_damping": moving,
+        "load_damping": swung,
+        "gravity_moment": gravity_free,
+        "efficiency": efficiency_free,
+        "torque_scale": scale_free,
+        "torque_offset": driven and not motor_known and swung,  # an uncalibrated channel's zero is unknown too
+        "drive_gain": False,
+        "drive_integral": False,
+    }
+    merged = {} if swung or not springs else {"damping": "damping_total"}
+    if merged:
+        start["damping"] += start["load_damping"]
+        start["load_damping"] = 0.0
+    nuisance = {"torque_scale", "torque_offset", "drive_gain", "drive_integral"}
+    values = np.array([start[name] for name in BASE_NAMES])
+    return BaseSpec(
+        names=BASE_NAMES,
+        start=values,
+        lower=np.zeros(values.size),
+        upper=np.full(values.size, np.inf),
+        scale=np.ones(values.size),
+        free=np.array([free[name] for name in BASE_NAMES]),
+        nuisance=np.array([name in nuisance for name in BASE_NAMES]),
+        merged=merged,
+    )
+
+
+def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...]) -> BaseSpec:
+    """Bounds and scales around the start values: dampings may vanish, inertias and stiffness stay positive."""
+    b = dict(zip(BASE_NAMES, base.start, strict=True))
+    critical = 2.0 * math.sqrt(b["stiffness"] * b["load_inertia"])
+    largest = max((float(np.max(np.abs(run.motor_half))) for run in runs if run.motor is not None), default=0.0)
+    scale = {
+        "stiffness": b["stiffness"],
+        "damping": max(b["damping"], 0.02 * critical),
+        "load_inertia": b["load_inertia"],
+        "motor_inertia": b["motor_inertia"],
+        "motor_damping": max(b["motor_damping"], 0.02 * critical),
+        "load_damping": max(b["load_damping"], 0.02 * critical),
+        "gravity_moment": max(abs(b["gravity_moment"]), 2.0 * b["load_inertia"]),
+        "efficiency": 1.0,
+        "torque_scale": b["torque_scale"],
+        "torque_offset": max(0.01 * largest, 1e-12),
+        "drive_gain": b["drive_gain"],
+        "drive_integral": max(b["drive_integral"], b["drive_gain"]),
+    }
+    scales = np.array([scale[name] for name in BASE_NAMES])
+    lower, upper = np.zeros(scales.size), np.full(scales.size, np.inf)
+    for name in ("stiffness", "load_inertia", "motor_inertia", "torque_scale", "efficiency", "drive_gain"):
+        i = BASE_INDEX[name]
+        lower[i], upper[i] = 0.02 * base.start[i], 50.0 * base.start[i]
+    upper[BASE_INDEX["efficiency"]] = 2.0
+    for name in ("damping", "motor_damping", "load_damping", "drive_integral"):
+        upper[BASE_INDEX[name]] = 1e3 * scale[name]
+    for name in ("gravity_moment", "torque_offset"):
+        i = BASE_INDEX[name]
+        lower[i], upper[i] = -1e3 * scales[i], 1e3 * scales[i]
+    return replace(base, scale=scales, lower=lower, upper=upper)

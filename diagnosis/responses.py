@@ -1,0 +1,256 @@
+"""Start values from frequency responses: measured H1 against the linear base, from several resonances, signs free."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import BaseSpec, Output, PreparedRun
+
+Vector = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_LOWEST, _HIGHEST = 2.0, 300.0  # Hz; where a joint's resonance is looked for
+_LINES = 160  # per response
+_CANDIDATES = 7
+_CONTRADICTION = 0.4  # mean cosine of the phase error below minus which a channel counts as inverted
+_SURE = 6.0  # averages a coherence must be made of before it counts in full
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A pooled frequency response, acceleration-like, of one kind of channel to one kind of input.
+
+    Attributes:
+        f: Lines [Hz], shape (n,).
+        H: Output over input, both at the joint output, angles differentiated twice [rad/s^2 per N m], shape (n,).
+        weight: Coherence-like, shape (n,).
+        motor: Whether the motor side is measured, whether the motor drives, and whether the motor moves.
+        key: Kind of channel.
+    """
+
+    f: Vector
+    H: Complex
+    weight: Vector
+    at_motor: bool
+    by_motor: bool
+    motor_moves: bool
+    spring: bool
+    key: tuple[object, ...]
+
+
+def channel_key(output: Output) -> tuple[object, ...]:
+    """Outputs that share it are the same instrument at the same place."""
+    return (output.quantity, output.location, output.direction, output.radius, output.rate, output.device)
+
+
+def responses(runs: tuple[PreparedRun, ...]) -> tuple[Response, ...]:
+    """One pooled H1 per kind of channel, input and boundary."""
+    pools: dict[tuple[object, ...], list[tuple[Vector, Vector, float, PreparedRun, Output]]] = {}
+    for run in runs:
+        by_motor = run.motor is not None and (run.load is None or not np.any(run.load_half))
+        drive = run.motor_half if by_motor else run.load_half
+        if not np.any(drive) or run.mode.startswith("prescribed"):
+            continue
+        for output in run.outputs:
+            if output.quantity in ("torque", "current", "voltage", "force") or output.direction == "radial":
+                continue
+            grid = np.clip(np.round((output.times - run.t0) * 2.0 * run.grid_rate).astype(int), 0, drive.size - 1)
+            y = output.data / _to_joint(run, output)
+            key = (*channel_key(output), by_motor, run.motor_moves, run.spring)
+            pools.setdefault(key, []).append((drive[grid], y, output.rate, run, output))
+    return tuple(r for pool in pools.values() for r in (_pooled(pool),) if r is not None)
+
+
+def _to_joint(run: PreparedRun, output: Output) -> float:
+    factor = run.ratio if output.location == "motor" else 1.0
+    return factor * ((output.radius or 1.0) if output.quantity == "linear-acceleration" else 1.0)
+
+
+def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]]) -> Response | None:
+    """H1 over runs and overlapping Hann segments (hits: whole records)."""
+    rate, run, output = pool[0][2], pool[0][3], pool[0][4]
+    length = max(u.size for u, *_ in pool)
+    impact = run.run.experiment == "hammer"
+    if not impact:
+        length = min(length, 2 ** int(np.log2(max(4.0 * rate, 256.0))))
+    Suu, Suy, Syy, count = 0.0, 0.0, 0.0, 0
+    for u, y, *_ in pool:
+        step = max(length // 2, 1)
+        for begin in range(0, max(u.size - length, 0) + 1, step):
+            a, b = u[begin : begin + length], y[begin : begin + length]
+            window = np.ones(a.size) if impact else np.hanning(a.size)
+            A = np.fft.rfft((a - a.mean() * (not impact)) * window, length)
+            B = np.fft.rfft((b - b.mean()) * window, length)
+            Suu, Suy, Syy = Suu + np.abs(A) ** 2, Suy + B * np.conj(A), Syy + np.abs(B) ** 2
+            count += 1
+    f = np.fft.rfftfreq(length, 1.0 / rate)
+    top = min(_HIGHEST, 0.4 * rate)
+    keep = (f >= max(_LOWEST, 3.0 * rate / length)) & (f <= top)
+    keep &= np.asarray(Suu) > 1e-5 * np.max(np.asarray(Suu)[keep]) if keep.any() else keep
+    if keep.sum() < 8:
+        return None
+    s = 2j * np.pi * f[keep]
+    power = {"angle": 2, "position": 2, "angular-velocity": 1, "velocity": 1}.get(output.quantity, 0)
+    H = np.asarray(Suy)[keep] / np.asarray(Suu)[keep] * s**power
+    coherence = np.abs(np.asarray(Suy)[keep]) ** 2 / (np.asarray(Suu)[keep] * np.asarray(Syy)[keep] + 1e-300)
+    bias = 1.0 / count  # coherence of noise alone
+    weight = np.clip((coherence - bias) / (1.0 - bias), 0.0, 1.0) ** 2 if count > 2 else np.full(H.shape, 0.5)
+    weight = weight * min(1.0, count / _SURE) if count > 2 else weight
+    excited = np.sqrt(np.asarray(Suu)[keep] / np.max(np.asarray(Suu)[keep]))
+    weight = weight * np.minimum(1.0, 10.0 * excited)
+    lines = np.unique(np.round(np.linspace(0, H.size - 1, min(_LINES, H.size))).astype(int))
+    if impact:  # the peak is narrow: keep its lines
+        peak = int(np.argmax(np.abs(H)))
+        lines = np.unique(np.concatenate([lines, np.arange(max(peak - 20, 0), min(peak + 20, H.size))]))
+    return Response(
+        f[keep][lines],
+        H[lines],
+        weight[lines],
+        output.location == "motor",
+        run.motor is not None and (run.load is None or not np.any(run.load_half)),
+        run.motor_moves,
+        run.spring,
+        channel_key(output),
+    )
+
+
+def model_response(theta: dict[str, float], response: Response) -> Complex:
+    """The linear base's counterpart of a measured response, shape (n,)."""
+    s = 2j * np.pi * response.f
+    K, c = theta["stiffness"], theta["damping"]
+    load = theta["load_inertia"] * s * s + theta["load_damping"] * s
+    gain = theta["efficiency"] * theta["torque_scale"] if response.by_motor else 1.0
+    if not response.spring:
+        return np.asarray(gain * s * s / load)
+    spring = K + c * s
+    if not response.motor_moves:
+        return np.asarray(gain * s * s / (load + spring))
+    motor = theta["motor_inertia"] * s * s + theta["motor_damping"] * s
+    determinant = (motor + spring) * (load + spring) - spring * spring
+    if response.by_motor:
+        top = load + spring if response.at_motor else spring
+    else:
+        top = spring if response.at_motor else motor + spring
+    return np.asarray(gain * s * s * top / determinant)
+
+
+def fitted(base: BaseSpec, measured: tuple[Response, ...], starts: tuple[Vector, ...]) -> Vector | None:
+    """Best parameter vector over the resonances that the responses suggest; ``None`` without responses.
+
+    Args:
+        base: Which parameters are free.
+        measured: From :func:`responses`.
+        starts: Vectors whose other parameters are kept; the first gives the trials by resonance.
+    """
+    names = [
+        name
+        for name in ("stiffness", "damping", "load_inertia", "motor_inertia", "torque_scale", "efficiency")
+        if base.free[BASE_INDEX[name]]
+    ]
+    if not measured or not names:
+        return None
+    best: tuple[float, Vector] | None = None
+    for trial in (*starts[1:], *_trials(base, measured, starts[0])):
+        x0 = np.array([math.log(max(trial[BASE_INDEX[name]], 1e-12)) for name in names])
+        fit = least_squares(
+            lambda x, trial=trial: _misfit(_named(trial, names, x), measured),  # type: ignore[misc]
+            x0,
+            loss="soft_l1",
+            f_scale=0.3,
+            max_nfev=60,
+            bounds=(x0 - 9.0, x0 + 9.0),
+        )
+        if best is None or fit.cost < best[0]:
+            best = (float(fit.cost), _filled(trial, names, fit.x))
+    return None if best is None else best[1]
+
+
+def polarities(theta: Vector, measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:
+    """-1 for each kind of channel whose phase plainly contradicts the base's, else +1."""
+    named = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
+    found: dict[tuple[object, ...], float] = {}
+    for response in measured:
+        agreement = _agreement(response, model_response(named, response))
+        if abs(agreement) > abs(found.get(response.key, 0.0)):
+            found[response.key] = agreement
+    return {key: -1.0 if agreement < -_CONTRADICTION else 1.0 for key, agreement in found.items()}
+
+
+def _named(trial: Vector, names: list[str], x: Vector) -> dict[str, float]:
+    return dict(zip(BASE_NAMES, _filled(trial, names, x), strict=True))
+
+
+def _filled(trial: Vector, names: list[str], x: Vector) -> Vector:
+    theta = trial.copy()
+    for name, value in zip(names, x, strict=True):
+        theta[BASE_INDEX[name]] = math.exp(value)
+    return theta
+
+
+def _agreement(response: Response, model: Complex) -> float:
+    """Mean cosine between measured and modelled phase, in [-1, 1]."""
+    cosine = np.real(response.H * np.conj(model)) / (np.abs(response.H * model) + 1e-300)
+    return float(np.sum(response.weight * cosine) / (np.sum(response.weight) + 1e-300))
+
+
+def _sign(response: Response, model: Complex) -> float:
+    """+1 or -1: which polarity of the channel the model's phase agrees with."""
+    return -1.0 if _agreement(response, model) < 0.0 else 1.0
+
+
+def _misfit(theta: dict[str, float], measured: tuple[Response, ...]) -> Vector:
+    """Weighted log-ratio of measured to modelled response, magnitude and phase, the polarity free."""
+    rows = []
+    for response in measured:
+        model = model_response(theta, response)
+        ratio = np.log((_sign(response, model) * response.H + 1e-300) / (model + 1e-300))
+        size = np.sqrt(response.weight.sum() + 1e-12)
+        rows.append(response.weight * np.real(ratio) / size)
+        rows.append(response.weight * np.imag(ratio) / size)
+    return np.concatenate(rows)
+
+
+def _trials(base: BaseSpec, measured: tuple[Response, ...], start: Vector) -> list[Vector]:
+    """Starts: the nameplate's, and for every plausible resonance the stiffness and inertia that give it."""
+    trials = [start]
+    peaks = set()
+    for response in measured:
+        if not response.spring:
+            high = np.argsort(response.weight * response.f)[-10:]
+            inertia = 1.0 / max(float(np.median(np.abs(response.H[high]))), 1e-12)
+            trial = start.copy()
+            trial[BASE_INDEX["load_inertia"]] = inertia
+            trials.append(trial)
+            continue
+        magnitude = np.abs(response.H) * (response.weight > 0.2)
+        order = np.argsort(magnitude)[::-1]
+        for index in order[:3]:
+            peaks.add(round(float(response.f[index]) * 2.0) / 2.0)
+    span = np.geomspace(8.0, 120.0, _CANDIDATES) if peaks else np.array([])
+    for frequency in [*sorted(peaks), *span]:
+        w = 2.0 * math.pi * frequency
+        for response in measured:
+            if response.spring and not response.motor_moves:
+                high = response.f > 1.3 * frequency
+                level = float(np.median(np.abs(response.H[high]))) if high.sum() > 4 else 1.0 / start[2]
+                inertia = 1.0 / max(level, 1e-12)
+                break
+        else:
+            inertia = float(start[BASE_INDEX["load_inertia"]])
+        trial = start.copy()
+        trial[BASE_INDEX["load_inertia"]] = inertia
+        trial[BASE_INDEX["stiffness"]] = inertia * w * w
+        trial[BASE_INDEX["damping"]] = 2.0 * 0.03 * inertia * w
+        if base.free[BASE_INDEX["motor_inertia"]]:
+            trial[BASE_INDEX["motor_inertia"]] = inertia
+        trials.append(trial)
+    return trials[:14]

@@ -1,0 +1,67 @@
+"""Typical sizes of motion, torque and wind-up in a campaign, from the base model at its start values."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.predict import build, integrate
+from jointscope.diagnosis.prepare import Scales
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import Problem
+
+
+def unit_scales() -> Scales:
+    return Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 1.0)
+
+
+def typical_sizes(problem: Problem) -> Scales:
+    """Typical sizes over all runs, from the base model at its start values."""
+    base = problem.base.start
+    peak = dict.fromkeys(
+        ("torque", "wind_up", "rate", "speed", "motor_speed", "travel", "motor", "load", "acc", "time"), 1e-12
+    )
+    low, high = math.inf, -math.inf
+    for run in problem.runs:
+        states = integrate(build(run, base, (), problem))
+        if not np.all(np.isfinite(states)):
+            continue
+        spring = states[:, kernel.X_TS]
+        delta = states[:, kernel.X_QS] - states[:, kernel.X_Q]
+        q = states[:, kernel.X_Q]
+        found = {
+            "torque": np.ptp(spring) / 2.0 if run.spring else np.max(np.abs(run.load_half + run.motor_half)),
+            "wind_up": np.ptp(delta) / 2.0,
+            "rate": np.max(np.abs(states[:, kernel.X_VS] - states[:, kernel.X_V])),
+            "speed": np.max(np.abs(states[:, kernel.X_V])),
+            "motor_speed": np.max(np.abs(states[:, kernel.X_VS])),
+            "travel": np.ptp(q),
+            "motor": np.max(np.abs(run.motor_half)) if run.motor is not None else 0.0,
+            "load": np.max(np.abs(run.load_half)),
+            "acc": max((np.max(np.abs(o.data)) for o in run.outputs if o.quantity in ACCELERATIONS), default=0.0),
+            "time": run.steps / run.grid_rate,
+        }
+        peak = {name: max(peak[name], float(value)) for name, value in found.items()}
+        low, high = min(low, float(q.min())), max(high, float(q.max()))
+    frequency = math.sqrt(base[BASE_INDEX["stiffness"]] / base[BASE_INDEX["load_inertia"]]) / (2.0 * math.pi)
+    return Scales(
+        torque=peak["torque"],
+        wind_up=peak["wind_up"],
+        wind_up_rate=peak["rate"],
+        speed=peak["speed"],
+        motor_speed=peak["motor_speed"],
+        travel=peak["travel"],
+        motor_torque=peak["motor"] if peak["motor"] > 1e-12 else 0.0,
+        load_torque=peak["load"] if peak["load"] > 1e-12 else 0.0,
+        acceleration=peak["acc"] if peak["acc"] > 1e-12 else 0.0,
+        frequency=frequency,
+        angle_low=low if math.isfinite(low) else 0.0,
+        angle_high=high if math.isfinite(high) else 0.0,
+        duration=peak["time"],
+    )
