@@ -92,13 +92,16 @@ def acceleration(bench: Bench, pulse: Pulse, times: Real) -> Real:
     return np.where(t < 0.0, 0.0, np.where(t <= pulse.contact, inside, beyond))
 
 
-def record(bench: Bench, pulse: Pulse) -> tuple[Real, Real]:
-    """Noise-free force [N] and tangential acceleration [m/s^2] as sampled, each of shape (n,)."""
+def record(bench: Bench, pulse: Pulse, late: float = 0.0) -> tuple[Real, Real]:
+    """Noise-free force [N] and tangential acceleration [m/s^2] as sampled, each of shape (n,).
+
+    ``late`` [s] is by how much the acceleration's channel lags the force's.
+    """
     fine = bench.rate * OVERSAMPLING
     times = np.arange(round(bench.duration * fine)) / fine
     t = times - pulse.start
     force = np.where((t >= 0.0) & (t <= pulse.contact), pulse.peak * np.sin(np.pi * t / pulse.contact), 0.0)
-    both = np.stack([force, bench.accelerometer_radius * acceleration(bench, pulse, times)])
+    both = np.stack([force, bench.accelerometer_radius * acceleration(bench, pulse, times - late)])
     if bench.filter_corner:
         sections = signal.butter(8, bench.filter_corner * bench.rate / 2.0, fs=fine, output="sos")
         both = signal.sosfilt(sections, both, axis=1)

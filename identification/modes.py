@@ -21,6 +21,7 @@ from jointscope.identification.vector_fitting import starting_poles, vector_fit
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+FAITHFUL = 5e-4  # share of every line that no sensor chain promises; no mode is believed on less
 HIGHEST_DAMPING = 0.25  # above it a pole is part of the background
 _CLOSE_FREQUENCY, _CLOSE_DAMPING = 0.01, 0.2
 
@@ -174,7 +175,9 @@ def _richest_residual(hits: Sequence[HitSpectrum], poles: Complex) -> list[Real]
         smooth = np.array([np.convolve(row, kernel, mode="same") / mass for row in left])
         freedom = s.size - 2 * poles.size - 2
         smooth *= s.size / max(freedom, s.size // 4)
-        result.append(np.sqrt(smooth / 2.0) + 1e-12 * np.abs(hit.output).max(axis=1, keepdims=True))
+        result.append(
+            np.sqrt(smooth / 2.0 + (FAITHFUL * np.abs(hit.output)) ** 2) + 1e-12 * np.abs(hit.output).max()
+        )
     return result
 
 
