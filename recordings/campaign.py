@@ -88,6 +88,7 @@ class Channel:
     body: str | None = None
     point: tuple[float, float, float] | None = None
     axis: tuple[float, float, float] | None = None
+    file_unit: str | None = None  # the file's own unit label, as found; only ever compared with ``unit``
 
     @property
     def calibrated(self) -> bool:

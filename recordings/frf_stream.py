@@ -68,4 +68,6 @@ def _channel(
         coherence = find_named(key, declared["coherence"], where, file, data)
     if coherence is not None and coherence.size != axis.size:
         raise CampaignError(data.path, f"coherence of {column.name}", f"{coherence.size} lines, not {axis.size}")
-    return channel_of({**declared, "averages": declared.get("averages", column.averages)}, values, coherence)
+    return channel_of(
+        {**declared, "averages": declared.get("averages", column.averages)}, values, coherence, column.unit
+    )

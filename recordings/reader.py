@@ -14,6 +14,7 @@ from jointscope.recordings.rules import arm_joints, check_meaning
 from jointscope.recordings.schema import check_structure, run_key
 from jointscope.recordings.stream_columns import MissingOutputs, Table, vector
 from jointscope.recordings.time_stream import read_time_stream
+from jointscope.recordings.toml_parse import parse_toml
 
 
 def read_campaign(path: Path | str, *, missing_outputs: MissingOutputs = "refuse") -> Campaign:
@@ -53,7 +54,7 @@ def parse_campaign(file: Path) -> dict[str, Any]:
         CampaignError: No such file, no TOML, or a break of the format.
     """
     try:
-        document = tomllib.loads(file.read_text(encoding="utf-8"))
+        document = parse_toml(file.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         raise CampaignError(
             file, None, "no such file", fix="a campaign is a directory with a campaign.toml"

@@ -78,11 +78,16 @@ def vector(value: list[float] | None) -> tuple[float, float, float] | None:
     return None if value is None else (float(value[0]), float(value[1]), float(value[2]))
 
 
-def channel_of(declared: Table, raw: NDArray[Any] | None, coherence: NDArray[np.float64] | None = None) -> Channel:
+def channel_of(
+    declared: Table,
+    raw: NDArray[Any] | None,
+    coherence: NDArray[np.float64] | None = None,
+    file_unit: str | None = None,
+) -> Channel:
     """The channel with its samples in SI, from ``raw`` in the file's unit."""
     keys = {key: value for key, value in declared.items() if key not in ("point", "axis", "coherence")}
     places = {"point": vector(declared.get("point")), "axis": vector(declared.get("axis"))}
     bare = Channel(**keys, **places)  # type: ignore[arg-type]
     samples = None if raw is None else frozen(np.asarray(raw * si_factor(bare)))
     kept = None if coherence is None else frozen(coherence)
-    return Channel(**keys, **places, samples=samples, coherence=kept)  # type: ignore[arg-type]
+    return Channel(**keys, **places, samples=samples, coherence=kept, file_unit=file_unit)  # type: ignore[arg-type]

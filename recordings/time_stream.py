@@ -57,7 +57,11 @@ def read_time_stream(stream: Table, where: str, file: Path, data: DataFile, miss
         start=0.0 if start == "unknown" else float(start),
         start_uncertainty=math.inf if start == "unknown" else float(stream.get("start_uncertainty", 0.0)),
         length=length,
-        channels=tuple(channel_of(channel, raw.get(channel["column"])) for channel in stream["channels"]),
+        channels=tuple(
+            channel_of(channel, raw.get(name), None, columns[name].unit if name in columns else None)
+            for channel in stream["channels"]
+            for name in (channel["column"],)
+        ),
         time=stream.get("time"),
         window=None if window is None else (float(window[0]), float(window[1])),
         gaps=stream.get("gaps", "refuse"),

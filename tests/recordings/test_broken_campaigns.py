@@ -168,3 +168,13 @@ def test_the_sound_campaign_is_read(small):
     assert run.brake and run.id == "a"
     assert not run.signals[0].samples.flags.writeable
     assert np.isfinite(run.signals[1].samples).all()
+
+
+def test_an_inline_table_may_run_over_several_lines(small):
+    """The format's own example breaks a channel's line."""
+    text = (small / "campaign.toml").read_text()
+    text = text.replace(
+        ', radius = 0.95, role = "output" }', ',\n    radius = 0.95, # from the axis\n role = "output",\n }'
+    )
+    (small / "campaign.toml").write_text(text + "\n# { not a table\n")
+    assert read_campaign(small).runs[0].signals[1].channel.radius == 0.95
