@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from typing import Any
 
 import numpy as np
 
-from jointscope.sim.concealed.engine import LOAD, Q, Slot, W
+from jointscope.sim.concealed.engine import LOAD, Q, Real, Slot, W
 from jointscope.sim.concealed.law import (
     EVERY_DRAW,
     OPEN_DRAWS,
@@ -23,12 +22,12 @@ from jointscope.sim.concealed.law import (
 from jointscope.sim.concealed.mjcf import find, words
 
 
-def weight(p: Any, x: Any, s: Any, f: Any) -> None:
+def weight(p: Real, x: Real, s: Real, f: Real) -> None:
     """-p[0] cos(q + p[1]) - p[2] sin(q/2): an offset weight, and a balancer's spring."""
     f[LOAD] -= p[0] * math.cos(s[Q] + p[1]) + p[2] * math.sin(0.5 * s[Q])
 
 
-def stop(p: Any, x: Any, s: Any, f: Any) -> None:
+def stop(p: Real, x: Real, s: Real, f: Real) -> None:
     """One-sided contact k d^e (1 + a d') beyond p[0] on side p[1]: p[2] k, p[3] e, p[4] a."""
     depth = (s[Q] - p[0]) * p[1]
     if depth > 0.0:

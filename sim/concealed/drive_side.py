@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from typing import Any
 
 import numpy as np
 
-from jointscope.sim.concealed.engine import MOTOR, Q_S, TAU, H, Slot
+from jointscope.sim.concealed.engine import MOTOR, Q_S, TAU, H, Real, Slot
 from jointscope.sim.concealed.law import (
     EVERY_DRAW,
     OPEN_DRAWS,
@@ -25,14 +24,14 @@ from jointscope.sim.concealed.mjcf import section, words
 DRIVES: frozenset[Kind] = frozenset({"torque-sweep", "speed-motion"})
 
 
-def ripple(p: Any, x: Any, s: Any, f: Any) -> None:
+def ripple(p: Real, x: Real, s: Real, f: Real) -> None:
     """(1 - p[2] + p[2] |tau|/p[1]) sum a_i sin(k_i n q_s + phi_i): p = n, scale, load share, count, ..."""
     load = 1.0 - p[2] + p[2] * abs(s[TAU]) / p[1]
     for i in range(int(p[3])):
         f[MOTOR] += load * p[4 + 3 * i] * math.sin(p[5 + 3 * i] * p[0] * s[Q_S] + p[6 + 3 * i])
 
 
-def lag(p: Any, x: Any, s: Any, f: Any) -> None:
+def lag(p: Real, x: Real, s: Real, f: Real) -> None:
     """The rotor's torque follows the logged one by p[1] first-order stages of time constant p[0]."""
     if x[5] == 0.0:
         x[5] = 1.0
@@ -46,7 +45,7 @@ def lag(p: Any, x: Any, s: Any, f: Any) -> None:
     f[MOTOR] += seen - s[TAU]
 
 
-def gain(p: Any, x: Any, s: Any, f: Any) -> None:
+def gain(p: Real, x: Real, s: Real, f: Real) -> None:
     """The rotor's torque is p[0] (1 - p[1] (tau/p[2])^2) times the logged one."""
     f[MOTOR] += (p[0] * (1.0 - p[1] * (s[TAU] / p[2]) ** 2) - 1.0) * s[TAU]
 

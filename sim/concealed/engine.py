@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import llvmlite.binding as llvm
 import mujoco
@@ -25,7 +25,7 @@ from numba import types
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
-LoopLaw = Callable[[Any, Any, Any, Any], None]
+LoopLaw = Callable[[Real, Real, Real, Real], None]
 
 TIMESTEP: Final = 1e-4  # s; 0.07 % and 0.06 degrees at 100 Hz in the motor's response
 SLOTS: Final = 4  # laws at once; an unused slot holds the empty law
@@ -58,7 +58,7 @@ SHAKE: Final = 3  # upward acceleration of the foundation [m/s^2]
 PICKUP: Final = 4  # added to the accelerometer's reading [m/s^2]
 FORCES: Final = 8
 
-_POINTER = types.CPointer(types.float64)
+_POINTER = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
 _SIGNATURE = types.void(_POINTER, _POINTER, _POINTER, _POINTER)
 _mj_step = types.ExternalFunction("mj_step", types.void(types.uintp, types.uintp))
 
@@ -74,14 +74,15 @@ def _load_engine() -> None:
     llvm.load_library_permanently(str(found[0]))
 
 
-def nothing(p: Any, x: Any, s: Any, f: Any) -> None:
+def nothing(p: Real, x: Real, s: Real, f: Real) -> None:
     """The empty law."""
 
 
 @functools.cache
-def compiled(law: LoopLaw) -> Any:
+def compiled(law: LoopLaw) -> LoopLaw:
     """``law(p, x, s, f)`` compiled: parameters p, own states x, the machine's state s, forces f (all float64 pointers)."""
-    return numba.cfunc(_SIGNATURE, cache=True, error_model="numpy")(law)
+    pointers: LoopLaw = numba.cfunc(_SIGNATURE, cache=True, error_model="numpy")(law)
+    return pointers
 
 
 @dataclass(frozen=True)
@@ -153,8 +154,11 @@ class Plant:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _march(model, data, qpos, qvel, qacc, applied, ctrl, sensor, gravity, where, laws, P, X,
-           drive, programme, push, numbers, out):  # type: ignore[no-untyped-def]  # fmt: skip
+def _march(
+    model: int, data: int, qpos: Real, qvel: Real, qacc: Real, applied: Real, ctrl: Real, sensor: Real, gravity: Real,
+    where: tuple[int, ...], laws: tuple[LoopLaw, ...], P: Real, X: Real, drive: Real, programme: Real, push: Real,
+    numbers: tuple[float, ...], out: Real,
+) -> None:  # fmt: skip
     jm, je, am, ah, acc, settle, kind, cycle, nv = where
     h, ratio, held, radius, K, c, kp, ki, limit, resolution, q0, session, g0 = numbers
     f = np.zeros(8)
@@ -208,7 +212,7 @@ def _march(model, data, qpos, qvel, qacc, applied, ctrl, sensor, gravity, where,
         for i in range(8):
             f[i] = 0.0
         for i in range(4):
-            laws[i](P[i].ctypes, X[i].ctypes, s.ctypes, f.ctypes)
+            laws[i](P[i].ctypes, X[i].ctypes, s.ctypes, f.ctypes)  # type: ignore[arg-type]
         for i in range(nv):
             applied[i] = 0.0
         applied[je] = f[1] + f[2]
@@ -223,7 +227,7 @@ def _march(model, data, qpos, qvel, qacc, applied, ctrl, sensor, gravity, where,
             out[k, 3] = qs
             out[k, 4] = qs + e
             out[k, 5] = -e
-        _mj_step(model, data)
+        _mj_step(model, data)  # type: ignore[call-overload]
         if k >= 0:
             out[k, 0] = sensor[acc]
             out[k, 1] = sensor[acc + 2] + f[4]

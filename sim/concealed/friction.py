@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from jointscope.sim.concealed.engine import A_L, A_S, LOAD, MOTOR, T_S, W_S, H, Slot, W
+from jointscope.sim.concealed.engine import A_L, A_S, LOAD, MOTOR, T_S, W_S, H, Real, Slot, W
 from jointscope.sim.concealed.law import EVERY_DRAW, OPEN_DRAWS, Kind, Law, Moment, Setting, Values
 
 DRIVES: frozenset[Kind] = frozenset({"torque-sweep", "speed-motion"})
+ANY: frozenset[Kind] = DRIVES | {"hammer"}
 
 
-def set_valued(p: Any, x: Any, s: Any, f: Any) -> None:
+def set_valued(p: Real, x: Real, s: Real, f: Real) -> None:
     """Set-valued dry friction with limits p[0] + p[4] exp(-(v/p[5])^2) and p[1] + ... at J = p[2], side p[3]."""
     if p[3] < 0.5:
         a = s[A_S]
@@ -38,7 +38,7 @@ def set_valued(p: Any, x: Any, s: Any, f: Any) -> None:
         f[LOAD] += stop
 
 
-def bristles(p: Any, x: Any, s: Any, f: Any) -> None:
+def bristles(p: Real, x: Real, s: Real, f: Real) -> None:
     """LuGre: p = T_c, T_s - T_c, v_s, stiffness, damping, side, exponent of the curve (2 Gauss, -1 Lorentz)."""
     v = s[W_S] if p[5] < 0.5 else s[W]
     if p[6] > 0.0:
@@ -56,7 +56,7 @@ def bristles(p: Any, x: Any, s: Any, f: Any) -> None:
         f[LOAD] -= torque
 
 
-def smooth(p: Any, x: Any, s: Any, f: Any) -> None:
+def smooth(p: Real, x: Real, s: Real, f: Real) -> None:
     """p = T+, T-, width, side: Coulomb rounded by a hyperbolic tangent."""
     v = s[W_S] if p[3] < 0.5 else s[W]
     t = math.tanh(v / p[2])
@@ -67,7 +67,7 @@ def smooth(p: Any, x: Any, s: Any, f: Any) -> None:
         f[LOAD] -= torque
 
 
-def mesh_loss(p: Any, x: Any, s: Any, f: Any) -> None:
+def mesh_loss(p: Real, x: Real, s: Real, f: Real) -> None:
     """Loss p[0] |T_S| against the motor's speed, set-valued at J = p[1]; p[2] times that when the load drives."""
     a = s[A_S]
     v = s[W_S] - 0.5 * s[H] * a
@@ -80,12 +80,12 @@ def mesh_loss(p: Any, x: Any, s: Any, f: Any) -> None:
     f[MOTOR] += stop
 
 
-def mesh_loss_smooth(p: Any, x: Any, s: Any, f: Any) -> None:
+def mesh_loss_smooth(p: Real, x: Real, s: Real, f: Real) -> None:
     """Loss p[0] T_ref (|T_S|/T_ref)^p[2] tanh(v/p[1]), T_ref = p[3]."""
     f[MOTOR] -= p[0] * p[3] * (abs(s[T_S]) / p[3] + 1e-9) ** p[2] * math.tanh(s[W_S] / p[1])
 
 
-def drag(p: Any, x: Any, s: Any, f: Any) -> None:
+def drag(p: Real, x: Real, s: Real, f: Real) -> None:
     """-p[0] v0^(2-p[1]) |v|^p[1] sgn v on the arm, v0 = p[2]: quadratic where p[1] = 2."""
     v = s[W]
     f[LOAD] -= p[0] * p[2] ** (2.0 - p[1]) * abs(v) ** p[1] * math.copysign(1.0, v)
@@ -132,7 +132,7 @@ def _coulomb(side: int) -> list[Law]:
         return Law(
             effect="coulomb-friction", location=where, law=name, departs=departs, main="torque", strength="torque",
             span=lambda setting: _dry(setting, side), shape=shape, units={"torque": "N m", "asymmetry": "1"},
-            seen_in=frozenset({"hammer"}) | DRIVES if side else DRIVES, loop=loop,
+            seen_in=ANY if side else DRIVES, loop=loop,
             draws=OPEN_DRAWS if name == "dahl" else EVERY_DRAW,
         )  # fmt: skip
 
@@ -171,7 +171,7 @@ def _stribeck(side: int) -> list[Law]:
             effect="stribeck-friction", location=where, law=name, departs=departs, main="torque", strength="torque",
             span=lambda setting: _dry(setting, side), shape=shape,
             units={"torque": "N m", "stribeck_velocity": "rad/s"},
-            seen_in=frozenset({"hammer"}) | DRIVES if side else DRIVES, loop=loop,
+            seen_in=ANY if side else DRIVES, loop=loop,
             draws=OPEN_DRAWS if departs else EVERY_DRAW,
         )  # fmt: skip
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from typing import Any
 
 import numpy as np
 
-from jointscope.sim.concealed.engine import SHAKE, Slot, T
+from jointscope.sim.concealed.engine import SHAKE, Real, Slot, T
 from jointscope.sim.concealed.law import EVERY_DRAW, OPEN_DRAWS, InLoop, Install, Law, Moment, Setting, Values
 from jointscope.sim.concealed.mjcf import find, number, section, words
 
 
-def shaken(p: Any, x: Any, s: Any, f: Any) -> None:
+def shaken(p: Real, x: Real, s: Real, f: Real) -> None:
     """Upward acceleration of the floor p[0] sin(2 pi p[1] t + p[2]), beating with depth p[3] at p[4] Hz, and a second line."""
     t = s[T]
     beat = 1.0 + p[3] * math.sin(2.0 * math.pi * p[4] * t)

@@ -138,7 +138,7 @@ def _kernel() -> Real:
 
 
 @numba.njit(cache=True, nogil=True, fastmath=True)
-def _resample(x, h, times, rate, kernel, table, reach):  # type: ignore[no-untyped-def]
+def _resample(x: Real, h: float, times: Real, rate: float, kernel: Real, table: int, reach: int) -> Real:
     n, channels = x.shape
     out = np.zeros((times.size, channels))
     for j in range(times.size):
@@ -210,7 +210,7 @@ def _clipped(y: Real, timestep: float, fault: Acquisition) -> Real:
 
 def log_times(stamps: Real, fault: Acquisition) -> Real:
     """When the drive's log really looked [s], from the times it stamped."""
-    late = fault.delay
+    late = np.full(stamps.shape, fault.delay)
     if fault.frame > 0.0:
         late = np.ceil((stamps + late) / fault.frame - 1e-9) * fault.frame - stamps
     return np.asarray(

@@ -69,7 +69,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
                 role="input",
                 radius=rig.hammer_radius,
                 samples=record["force"],
-            )  # fmt: skip
+            )
         )
     daq.append(
         Channel(
@@ -83,7 +83,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
             low_cutoff=devices.low_cutoff or None,
             full_scale=devices.full_scale,
             samples=record["acceleration"],
-        )  # fmt: skip
+        )
     )
     if "arm" in record:
         daq.append(
@@ -94,7 +94,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
                 location="arm",
                 role="output",
                 samples=record["arm"],
-            )  # fmt: skip
+            )
         )
     log: list[Channel] = []
     if "torque" in record:
@@ -106,7 +106,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
                 location="motor",
                 role="input",
                 samples=record["torque"],
-            )  # fmt: skip
+            )
         )
     if "command" in record:
         log.append(
@@ -117,7 +117,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
                 location="motor",
                 role="input",
                 samples=record["command"],
-            )  # fmt: skip
+            )
         )
     if "motor" in record:
         log.append(
@@ -128,7 +128,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
                 location="motor",
                 role="output",
                 samples=record["motor"],
-            )  # fmt: skip
+            )
         )
     streams = [
         Stream(
@@ -136,7 +136,7 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
             sampling_rate=rate,
             length=channels[0].samples.size,  # type: ignore[union-attr]
             channels=tuple(channels),
-        )  # fmt: skip
+        )
         for device, rate, channels in (("a", devices.daq_rate, daq), ("b", devices.log_rate, log))
         if channels
     ]

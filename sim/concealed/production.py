@@ -71,7 +71,10 @@ def _one(task: tuple[Order, int, str]) -> int:
         for file in directory.iterdir():
             file.unlink()
         directory.rmdir()
-    truth = make_case(order, index, directory)
+    try:
+        truth = make_case(order, index, directory)
+    except Exception as problem:  # of any kind: it has to cross a process border as text
+        raise RuntimeError(f"case {index} of seed {order.seed} ({order.draw}): {problem!r}") from None
     with replaced_file(Path(folder) / PARTS / f"{name}.sealed") as temporary:
         temporary.write_bytes(seal(truth))
     return index

@@ -103,7 +103,7 @@ class Plan:
 
 def grid(take: Take) -> Real:
     """The stepping grid of a run [s], tail included."""
-    return np.arange(round((take.duration + TAIL) / TIMESTEP)) * TIMESTEP
+    return np.arange(round((take.duration + TAIL) / TIMESTEP), dtype=np.float64) * TIMESTEP
 
 
 def hit(take: Take, times: Real) -> Real:

@@ -76,6 +76,8 @@ def changed(rig: Rig, changes: Mapping[str, float]) -> Rig:
     """The rig with joint parameters multiplied by exp(change)."""
     joint: Joint = rig.joint
     values = {name: getattr(joint, name) * float(np.exp(change)) for name, change in changes.items()}
+    if "load_inertia" in values:  # the arm's mass and its place are known, so this much inertia is there
+        values["load_inertia"] = max(values["load_inertia"], 1.02 * rig.arm_mass * rig.arm_com_radius**2)
     return replace(rig, joint=replace(joint, **values))
 
 
@@ -128,7 +130,7 @@ def _drive_direction(
 ) -> dict[str, NDArray[np.complex128]]:
     joint = rig.joint
     bins = max(w.size for w in weights.values())
-    s = 2j * np.pi * np.arange(1, bins) / duration
+    s = np.asarray(2j * np.pi * np.arange(1, bins) / duration, dtype=np.complex128)
     ratio = joint.efficiency * joint.reduction_ratio
     arm = ratio * load_acceleration_per_torque(joint, s)
     high_pass = s / (s + 2.0 * np.pi * plan.devices.low_cutoff)

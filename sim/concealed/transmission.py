@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from typing import Any
 
 import numpy as np
 
-from jointscope.sim.concealed.engine import SESSION, TRANSMISSION, WINDUP, WINDUP_RATE, H, Q, Slot, T, W, W_S, Q_S
+from jointscope.sim.concealed.engine import (
+    Q_S,
+    SESSION,
+    TRANSMISSION,
+    W_S,
+    WINDUP,
+    WINDUP_RATE,
+    H,
+    Q,
+    Real,
+    Slot,
+    T,
+    W,
+)
 from jointscope.sim.concealed.law import EVERY_DRAW, OPEN_DRAWS, InLoop, Install, Law, Moment, Setting, Values
 from jointscope.sim.concealed.mjcf import find, section, words
 
 
-def dead_zone(p: Any, x: Any, s: Any, f: Any) -> None:
+def dead_zone(p: Real, x: Real, s: Real, f: Real) -> None:
     """A spring with play: p = K, c, half the gap, stiffness left inside it; damping acts in contact only."""
     d, v = s[WINDUP], s[WINDUP_RATE]
     if d > p[2]:
@@ -24,7 +36,7 @@ def dead_zone(p: Any, x: Any, s: Any, f: Any) -> None:
         f[TRANSMISSION] += p[3] * d + 0.1 * p[1] * v
 
 
-def two_slopes(p: Any, x: Any, s: Any, f: Any) -> None:
+def two_slopes(p: Real, x: Real, s: Real, f: Real) -> None:
     """Added to K: p[0] of the slope is missing within +-p[1], the corner rounded over p[2]."""
     d = s[WINDUP]
     f[TRANSMISSION] -= (
@@ -32,7 +44,7 @@ def two_slopes(p: Any, x: Any, s: Any, f: Any) -> None:
     )
 
 
-def bouc_wen(p: Any, x: Any, s: Any, f: Any) -> None:
+def bouc_wen(p: Real, x: Real, s: Real, f: Real) -> None:
     """T_h z, z' = (v/D)(1 - (b + g sgn(v z))|z|^n): p = T_h, D, b, n; b + g = 1."""
     v, h = s[WINDUP_RATE], s[H]
     z = x[0]
@@ -42,7 +54,7 @@ def bouc_wen(p: Any, x: Any, s: Any, f: Any) -> None:
     f[TRANSMISSION] += p[0] * x[0]
 
 
-def slip_elements(p: Any, x: Any, s: Any, f: Any) -> None:
+def slip_elements(p: Real, x: Real, s: Real, f: Real) -> None:
     """p[0] elements: stiffness p[2+2i], slip torque p[3+2i]; beyond slip each attracts its torque at rate p[1]."""
     d = s[WINDUP]
     for i in range(int(p[0])):
@@ -57,7 +69,7 @@ def slip_elements(p: Any, x: Any, s: Any, f: Any) -> None:
         f[TRANSMISSION] += torque
 
 
-def relaxation(p: Any, x: Any, s: Any, f: Any) -> None:
+def relaxation(p: Real, x: Real, s: Real, f: Real) -> None:
     """p[0] Maxwell elements: stiffness p[1+2i], relaxation time p[2+2i]; x holds each spring's stretch."""
     h, v = s[H], s[WINDUP_RATE]
     for i in range(int(p[0])):
@@ -66,7 +78,7 @@ def relaxation(p: Any, x: Any, s: Any, f: Any) -> None:
         f[TRANSMISSION] += p[1 + 2 * i] * x[i]
 
 
-def drifting(p: Any, x: Any, s: Any, f: Any) -> None:
+def drifting(p: Real, x: Real, s: Real, f: Real) -> None:
     """K p[0] (p[1] t + p[2] (1 - exp(-session/p[3])) + p[4]) added to the spring."""
     share = p[1] * max(s[T], 0.0) + p[4]
     if p[2] != 0.0:
@@ -74,7 +86,7 @@ def drifting(p: Any, x: Any, s: Any, f: Any) -> None:
     f[TRANSMISSION] += p[0] * share * s[WINDUP]
 
 
-def kinematic_error(p: Any, x: Any, s: Any, f: Any) -> None:
+def kinematic_error(p: Real, x: Real, s: Real, f: Real) -> None:
     """K e + c e', e = sum a_i sin(k_i angle + phi_i): p = K, c, turns per rad, from the output (1) or not, count, ..."""
     if p[3] > 0.5:
         angle, speed = s[Q], s[W]
@@ -154,14 +166,15 @@ def _stiffness() -> list[Law]:
     def soft(values: Values, setting: Setting, moment: Moment) -> Slot:
         return Slot(two_slopes, (values["share"] * setting.rig.joint.stiffness, values["knee"], values["round"]))
 
-    common = {"effect": "stiffness-nonlinearity", "location": "transmission"}
     return [
         Law(
-            **common, law="cubic", departs=False, main="cubic", strength="share", units={"cubic": "N m/rad^3"}, report=reported,
+            effect="stiffness-nonlinearity", location="transmission",
+            law="cubic", departs=False, main="cubic", strength="share", units={"cubic": "N m/rad^3"}, report=reported,
             span=lambda setting: (0.002, 0.25), shape=cubic_shape, install=cubic,
         ),
         Law(
-            **common, law="soft-below-knee", departs=True, main="share", strength="share",
+            effect="stiffness-nonlinearity", location="transmission",
+            law="soft-below-knee", departs=True, main="share", strength="share",
             units={"share": "1", "knee": "rad"}, span=lambda setting: (0.01, 0.6), shape=soft_shape, loop=soft,
             draws=OPEN_DRAWS,
         ),

@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from jointscope.sim.concealed.engine import LOAD, MOTOR, PICKUP, Q, Q_S, TAU, W_S, H, Slot, W, Q0
+from jointscope.sim.concealed.engine import LOAD, MOTOR, PICKUP, Q0, Q_S, TAU, W_S, H, Q, Real, Slot, W
 from jointscope.sim.concealed.law import OPEN_DRAWS, InLoop, Install, Kind, Law, Moment, Setting, Values
 from jointscope.sim.concealed.mjcf import find
 
@@ -21,7 +20,7 @@ DRIVES: frozenset[Kind] = frozenset({"torque-sweep", "speed-motion"})
 ANY = HITS | DRIVES
 
 
-def slipping_brake(p: Any, x: Any, s: Any, f: Any) -> None:
+def slipping_brake(p: Real, x: Real, s: Real, f: Real) -> None:
     """A stiff brake p[0], damped by p[1], that slips at p[2] about the angle p[3]; it holds braked runs only."""
     torque = p[0] * (s[Q_S] - p[3] - x[0]) + p[1] * s[W_S]
     if torque > p[2]:
@@ -33,7 +32,7 @@ def slipping_brake(p: Any, x: Any, s: Any, f: Any) -> None:
     f[MOTOR] -= torque
 
 
-def cable(p: Any, x: Any, s: Any, f: Any) -> None:
+def cable(p: Real, x: Real, s: Real, f: Real) -> None:
     """A cable loop that remembers where it was: p[0] elements in the arm's angle, stiffness and slip torque each."""
     for i in range(int(p[0])):
         k, limit = p[1 + 2 * i], p[2 + 2 * i]
@@ -47,7 +46,7 @@ def cable(p: Any, x: Any, s: Any, f: Any) -> None:
         f[LOAD] -= torque
 
 
-def pickup(p: Any, x: Any, s: Any, f: Any) -> None:
+def pickup(p: Real, x: Real, s: Real, f: Real) -> None:
     """The accelerometer's cable picks up p[0] times the rate of the motor's torque, behind p[1] s of lag."""
     if x[2] == 0.0:
         x[2], x[0] = 1.0, s[TAU]
@@ -56,7 +55,7 @@ def pickup(p: Any, x: Any, s: Any, f: Any) -> None:
     f[PICKUP] += p[0] * (x[0] - old) / s[H]
 
 
-def rattle(p: Any, x: Any, s: Any, f: Any) -> None:
+def rattle(p: Real, x: Real, s: Real, f: Real) -> None:
     """A loose mass in a box on the arm: inertia p[0], play +-p[1], contact p[2] and p[3]; x = angle, speed, started."""
     if x[2] == 0.0:
         x[2], x[0], x[1] = 1.0, s[Q], 0.0
@@ -71,7 +70,7 @@ def rattle(p: Any, x: Any, s: Any, f: Any) -> None:
     f[LOAD] += torque
 
 
-def loose_bolt(p: Any, x: Any, s: Any, f: Any) -> None:
+def loose_bolt(p: Real, x: Real, s: Real, f: Real) -> None:
     """An outer mass on a one-sided joint: p[0] inertia, p[1] and p[2] stiffness closed and open, p[3] damping."""
     if x[2] == 0.0:
         x[2], x[0], x[1] = 1.0, s[Q], s[W]

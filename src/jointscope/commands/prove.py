@@ -1,0 +1,56 @@
+"""Diagnose recordings in which effects are concealed, then open the seal and score the answers.
+
+  jointscope conceal --seed 7 --cases 60 --out out/draw
+  jointscope prove out/draw --out out/proof
+
+Every campaign of the draw is diagnosed by 'jointscope diagnose' in a process of its own, on a copy away from the
+seal. Only then is the seal opened, after its SHA-256 was compared with the one at the start; a changed seal or
+campaign is refused. Crashes and time-outs count as wrong. Run it again with the same words to go on after an
+interruption: finished cases are kept.
+
+OUT holds
+  proof.md       the table of measures with 95 % intervals, wrong answers, pictures
+  summary.json   the same for machines
+  judged.json    every case: what was true, what was said
+  answers/       every diagnosis
+
+How often the seal has been opened is counted beside it and printed on the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    parser.add_argument("draw", type=Path, help="folder written by 'jointscope conceal'")
+    parser.add_argument("--out", type=Path, default=None, help="results (default: DRAW with '-proof' added)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
+    parser.add_argument("--limit", type=int, default=None, metavar="K", help="only the first K cases")
+    parser.add_argument("--seconds", type=float, default=300.0, help="time limit of one case (default: 300)")
+    parser.add_argument("--json", action="store_true", help="print summary.json instead of the table")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Prove; the exit code is 0 whatever the score."""
+    import json
+
+    from jointscope.experiments.prove import page
+    from jointscope.experiments.prove.proof import prove
+
+    folder = Path(options.draw)
+    out = options.out or folder.with_name(folder.name + "-proof")
+    summary = prove(folder, out, workers=options.workers, limit=options.seconds, first=options.limit)
+    if options.json:
+        print(json.dumps(summary, indent=1, sort_keys=True))
+        return 0
+    print(f"seal {summary['seal']}, opened {summary['openings']} time(s); {summary['cases']} cases")
+    for row in summary["table"]:
+        value = row["value"]
+        shown = page.percent(value) if isinstance(value, dict) else page.number(value, row["unit"])
+        print(f"  {row['name']:<62} {shown}")
+    print(f"{out / 'proof.md'}")
+    return 0
