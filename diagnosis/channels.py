@@ -131,11 +131,22 @@ def recorded(x: Vector, grid_rate: float, t0: float, times: Vector, rate: float)
     return out
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _high_passed(x: Vector, b: float, a: float) -> Vector:
+    """y_k = b (x_k - x_{k-1}) + a y_{k-1} from rest at the first sample."""
+    out = np.empty(x.shape[0])
+    y, before = 0.0, x[0]
+    for k in range(x.shape[0]):
+        y = b * (x[k] - before) + a * y
+        before = x[k]
+        out[k] = y
+    return out
+
+
 def high_pass(x: Vector, corner: float, rate: float) -> Vector:
     """First-order high-pass at ``corner`` [Hz], settled at the first sample; same shape."""
     k = math.tan(math.pi * corner / rate)
-    b, a = np.array([1.0, -1.0]) / (1.0 + k), np.array([1.0, (k - 1.0) / (1.0 + k)])
-    return np.asarray(lfilter(b, a, x - x[0]), dtype=np.float64)
+    return np.asarray(_high_passed(np.ascontiguousarray(x), 1.0 / (1.0 + k), (1.0 - k) / (1.0 + k)))
 
 
 def mount_resonance(x: Vector, frequency: float, damping: float, rate: float) -> Vector:
@@ -214,11 +225,25 @@ def _specific_force(states: Vector, acceleration: Vector, assembly: Assembly, ou
     along, across = (math.sin(tilt), math.cos(tilt)) if radial else (math.cos(tilt), math.sin(tilt))
     if radial:
         along = -along
-    total = along * radius * acceleration
-    if g != 0.0 or across != 0.0:
-        q = states[:, kernel.X_Q]
-        if g != 0.0 and along != 0.0:
-            total = total + along * g * np.cos(q)
-        if across != 0.0:
-            total = total + across * (g * np.sin(q) - radius * states[:, kernel.X_V] ** 2)
-    return np.asarray(total)
+    if g == 0.0 and across == 0.0:
+        return along * radius * acceleration
+    return np.asarray(_mixed(states, acceleration, along, across, radius, g))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mixed(states: Vector, acceleration: Vector, along: float, across: float, radius: float, g: float) -> Vector:
+    """along (r q'' + g cos q) + across (g sin q - r q'^2), the cosine expanded about a nearby angle (1e-8)."""
+    out = np.empty(acceleration.shape[0])
+    centre, cosine, sine = 1e9, 0.0, 0.0
+    for k in range(out.shape[0]):
+        q, v = states[k, 3], states[k, 4]
+        d = q - centre
+        if abs(d) > 0.02:
+            centre, cosine, sine, d = q, math.cos(q), math.sin(q), 0.0
+        even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
+        up, out_ = cosine * even - sine * odd, sine * even + cosine * odd
+        out[k] = along * (radius * acceleration[k] + g * up) + across * (g * out_ - radius * v * v)
+    return out
+
+
+assert (kernel.X_Q, kernel.X_V) == (3, 4)  # columns that _mixed reads

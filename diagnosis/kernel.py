@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 _compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+_inlined = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, inline="always")
 
 # --- numbers of the packed vector P -------------------------------------------------------------------------------
 J_M, J_L, K, C, B_M, B_L = 0, 1, 2, 3, 4, 5
@@ -154,7 +155,7 @@ def _rates_source(
     aux: Real,
     note: bool,
 ) -> None:
-    """Right-hand side with the friction directions ``sm``, ``sl`` (0: stuck) fixed; with ``note`` diagnostics go to ``aux``."""
+    """Right-hand side, friction directions ``sm``, ``sl`` (0: stuck) fixed; with ``note`` diagnostics go to ``aux``."""
     q_s, v_s, q, v = x[0], x[1], x[2], x[3]
     motor = S[MOTOR]
     if motor == MOTOR_PRESCRIBED:
@@ -319,9 +320,7 @@ def _rates_source(
 
 # inlined into the one hot loop; called as a function at the rare events
 _rates = _compiled(_rates_source)
-_rates_inlined = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, inline="always")(
-    _rates_source
-)
+_rates_inlined = _inlined(_rates_source)
 
 
 @_compiled
@@ -400,24 +399,10 @@ def _record(P: Real, S: NDArray[np.int64], sm: int, sl: int, aux: Real, out: Rea
 
 
 @_compiled
-def simulate(
+def _simulate_full(
     x: Real, P: Real, S: NDArray[np.int64], um: Real, ul: Real, y: Real, w: Real, t0: float, h: float, out: Real
 ) -> None:
-    """Integrate from state ``x`` (overwritten), write one row per node into ``out``, shape (n + 1, N_OUT).
-
-    Args:
-        x: Initial state, shape (S[N_X],): q_s, q_s', q, q', then link, neighbour and base modes (two each), relaxation
-            branches, loop integrator.
-        P: Packed numbers, shape (N_P,).
-        S: Switches, shape (N_S,).
-        um: Motor torque eta n T_e at half steps [N m], shape (2 n + 1,); the acceleration of a prescribed motion.
-        ul: External torque on the arm at half steps [N m].
-        y: Observed (or prescribed) angle or speed at half steps [rad, rad/s]; in a closed loop the feed-forward [N m].
-        w: Speed command (or prescribed speed) at half steps, at the output [rad/s].
-        t0: Time of the first node on the run's clock [s].
-        h: Step [s].
-        out: Result; columns X_QS ... X_TEXT.
-    """
+    """Every law; see :func:`simulate`."""
     n = out.shape[0] - 1
     m = S[N_X]
     k1, k2, xt, total, xn = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
@@ -528,3 +513,263 @@ def simulate(
     j = 2 * n
     _rates(x, k1, t0 + n * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, aux, True)
     _record(P, S, sm, sl, aux, out, n)
+
+
+# --- the same joint in four scalars: no modes, branches, loops, periodic or hysteretic laws; three times as fast ------
+
+
+def _plain_rates_source(
+    q_s: float, v_s: float, q: float, v: float, t: float, um: float, ul: float, y: float,
+    held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
+    dry_m: bool, dry_l: bool, sm: int, sl: int,
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """Rates of the four states, then a_s, q'', T_S, net torques without friction, load-dependent friction levels."""
+    J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
+    g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v = p[16:]
+    delta, rate = q_s - q, v_s - v
+    el, contact = delta, 1.0
+    if gap > 0.0:
+        el = delta - centre
+        if el > gap:
+            el -= gap
+        elif el < -gap:
+            el += gap
+        else:
+            el, contact = 0.0, inside
+    T = k * (1.0 + drift * t) * el + (k_2 + k_3 * el) * el * el + c * contact * rate
+    if k_soft != 0.0:
+        T -= k_soft * min(max(el, -soft), soft)
+    innovation = 0.0
+    if o_2 != 0.0:
+        innovation = y - o_qs * q_s - o_vs * v_s - o_q * q - o_v * v
+    lift, push = o_1 * innovation, o_2 * innovation
+
+    net_m = um - T - b_m * v_s
+    level_m = f[5] * abs(T)
+    a_s, dq_s, dv_s = 0.0, 0.0, 0.0
+    if not held:
+        dq_s = v_s + lift
+        if dry_m:
+            if sm == 0:
+                dq_s = lift
+            else:
+                a_s = (net_m - sm * (level_m + _friction(f[0], f[1], f[2], f[3], f[4], v_s, sm))) / J_m
+                dv_s = a_s + push
+        else:
+            a_s = net_m / J_m
+            dv_s = a_s + push
+    net_m += J_m * push
+
+    d = q - turn[0]
+    even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
+    cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
+    net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - drag * v * abs(v)
+    if stop_k != 0.0:
+        depth = side * (q - stop_angle)
+        if depth > 0.0:
+            reaction = stop_k * depth**stop_exponent * (1.0 + stop_c * side * v)
+            if reaction > 0.0:
+                net_l -= side * reaction
+    level_l = f[11] * abs(T)
+    dq, dv, a = v + lift, push, 0.0
+    if dry_l:
+        if sl == 0:
+            dq, dv = lift, 0.0
+        else:
+            a = (net_l - sl * (level_l + _friction(f[6], f[7], f[8], f[9], f[10], v, sl))) / J_l
+            dv = a + push
+    else:
+        a = net_l / J_l
+        dv = a + push
+    net_l += J_l * push
+    return dq_s, dv_s, dq, dv, a_s, a, T, net_m, net_l, level_m, level_l
+
+
+_plain_rates = _compiled(_plain_rates_source)
+_plain_rates_inlined = _inlined(_plain_rates_source)
+
+
+@_compiled
+def _simulate_plain(
+    x: Real,
+    P: Real,
+    held: bool,
+    dry_m: bool,
+    dry_l: bool,
+    um: Real,
+    ul: Real,
+    y: Real,
+    t0: float,
+    h: float,
+    out: Real,
+) -> None:
+    """The laws that four states can hold; see :func:`simulate`."""
+    n = out.shape[0] - 1
+    q_s, v_s, q, v = x[0], x[1], x[2], x[3]
+    p = (
+        P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
+        P[K_SOFT], P[SOFT_ANGLE], P[DRIFT], P[C_QUADRATIC], P[G_CONST], P[G_COS], P[G_SIN], P[STOP_ANGLE], P[STOP_K],
+        P[STOP_C], P[STOP_EXPONENT], P[STOP_SIDE], P[OBS_1], P[OBS_2], P[OBS_QS], P[OBS_VS], P[OBS_Q], P[OBS_V],
+    )  # fmt: skip
+    f = (
+        P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],
+        P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
+    )  # fmt: skip
+    turn = (q, math.cos(q), math.sin(q))
+    sm, sl = 0, 0
+    dry_m = dry_m and not held
+    for k in range(n):
+        if abs(q - turn[0]) > _TURN:
+            turn = (q, math.cos(q), math.sin(q))
+        s, target, pending = 0.0, 1.0, 0
+        e_qs, e_vs, e_q, e_v = q_s, v_s, q, v
+        for event in range(_MAX_EVENTS):
+            whole = s == 0.0 and target == 1.0
+            d = (target - s) * h
+            t, mid = t0 + (k + s) * h, 0.5 * (s + target)
+            if whole:
+                j = 2 * k
+                m1, l1, y1, m2, l2, y2 = um[j], ul[j], y[j], um[j + 1], ul[j + 1], y[j + 1]
+                m3, l3, y3 = um[j + 2], ul[j + 2], y[j + 2]
+            else:
+                m1, l1, y1 = _at(um, k, s), _at(ul, k, s), _at(y, k, s)
+                m2, l2, y2 = _at(um, k, mid), _at(ul, k, mid), _at(y, k, mid)
+                m3, l3, y3 = _at(um, k, target), _at(ul, k, target), _at(y, k, target)
+            a1, b1, c1, d1, acc_s, acc, T, net_m, net_l, level_m, level_l = _plain_rates_inlined(
+                q_s, v_s, q, v, t, m1, l1, y1, held, p, turn, f, dry_m, dry_l, sm, sl
+            )
+            g = 0.5 * d
+            a2, b2, c2, d2, _1, _2, _3, _4, _5, _6, _7 = _plain_rates_inlined(
+                q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, t + g, m2, l2, y2, held, p, turn, f, dry_m, dry_l,
+                sm, sl,
+            )  # fmt: skip
+            a3, b3, c3, d3, _1, _2, _3, _4, _5, _6, _7 = _plain_rates_inlined(
+                q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, t + g, m2, l2, y2, held, p, turn, f, dry_m, dry_l,
+                sm, sl,
+            )  # fmt: skip
+            a4, b4, c4, d4, _1, _2, _3, _4, _5, _6, _7 = _plain_rates_inlined(
+                q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, t + d, m3, l3, y3, held, p, turn, f, dry_m, dry_l,
+                sm, sl,
+            )  # fmt: skip
+            g = d / 6.0
+            e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
+            e_vs = v_s + g * (b1 + 2.0 * (b2 + b3) + b4)
+            e_q = q + g * (c1 + 2.0 * (c2 + c3) + c4)
+            e_v = v + g * (d1 + 2.0 * (d2 + d3) + d4)
+            if event == 0:
+                row = out[k]
+                row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
+                row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = 0.0, T, m1, 0.0
+            if not (dry_m or dry_l):
+                break
+            if pending == 0:
+                if event >= _MAX_EVENTS - 2:
+                    break
+                share = 1.0
+                if dry_m and sm != 0 and sm * e_vs < 0.0:
+                    pending, share = 1, v_s / (v_s - e_vs) if sm * v_s > 0.0 else 0.0
+                if dry_l and sl != 0 and sl * e_v < 0.0:
+                    part = v / (v - e_v) if sl * v > 0.0 else 0.0
+                    if pending == 0 or part < share:
+                        pending, share = 2, part
+                if (dry_m and sm == 0) or (dry_l and sl == 0):
+                    _1, _2, _3, _4, _5, _6, _7, far_m, far_l, far_gm, far_gl = _plain_rates(
+                        e_qs,
+                        e_vs,
+                        e_q,
+                        e_v,
+                        t0 + (k + 1.0) * h,
+                        m3,
+                        l3,
+                        y3,
+                        held,
+                        p,
+                        turn,
+                        f,
+                        dry_m,
+                        dry_l,
+                        sm,
+                        sl,
+                    )
+                    if dry_m and sm == 0:
+                        go = _direction(far_m, far_gm, P, FM_PLUS)
+                        if go != 0:
+                            part = _release(net_m, far_m, level_m, far_gm, P, FM_PLUS, go)
+                            if pending == 0 or part < share:
+                                pending, share = 3 if go > 0 else 5, part
+                    if dry_l and sl == 0:
+                        go = _direction(far_l, far_gl, P, FL_PLUS)
+                        if go != 0:
+                            part = _release(net_l, far_l, level_l, far_gl, P, FL_PLUS, go)
+                            if pending == 0 or part < share:
+                                pending, share = 4 if go > 0 else 6, part
+                if pending == 0:
+                    break
+                target = s + share * (1.0 - s)
+                if target - s > 1e-9:
+                    continue
+                e_qs, e_vs, e_q, e_v = q_s, v_s, q, v
+            # the event itself, at fraction target
+            q_s, v_s, q, v = e_qs, e_vs, e_q, e_v
+            s, target = target, 1.0
+            if pending == 1 or pending == 2:
+                if pending == 1:
+                    v_s = 0.0
+                else:
+                    v = 0.0
+                stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
+                _1, _2, _3, _4, _5, _6, _7, far_m, far_l, far_gm, far_gl = _plain_rates(
+                    q_s, v_s, q, v, t0 + (k + s) * h, _at(um, k, s), _at(ul, k, s), _at(y, k, s), held, p, turn, f,
+                    dry_m, dry_l, stuck_m, stuck_l,
+                )  # fmt: skip
+                if pending == 1:
+                    sm = _direction(far_m, far_gm, P, FM_PLUS)
+                else:
+                    sl = _direction(far_l, far_gl, P, FL_PLUS)
+            elif pending == 3 or pending == 5:
+                sm = 1 if pending == 3 else -1
+            else:
+                sl = 1 if pending == 4 else -1
+            pending = 0
+            e_qs, e_vs, e_q, e_v = q_s, v_s, q, v
+            if s > 1.0 - 1e-9:
+                break
+        q_s, v_s, q, v = e_qs, e_vs, e_q, e_v
+    j = 2 * n
+    _1, _2, _3, _4, acc_s, acc, T, _5, _6, _7, _8 = _plain_rates(
+        q_s, v_s, q, v, t0 + n * h, um[j], ul[j], y[j], held, p, turn, f, dry_m, dry_l, sm, sl
+    )
+    row = out[n]
+    row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
+    row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = 0.0, T, um[j], 0.0
+
+
+def simulate(
+    x: Real, P: Real, S: NDArray[np.int64], um: Real, ul: Real, y: Real, w: Real, t0: float, h: float, out: Real
+) -> None:
+    """Integrate from state ``x`` (overwritten), write one row per node into ``out``, shape (n + 1, N_OUT).
+
+    Args:
+        x: Initial state, shape (S[N_X],): q_s, q_s', q, q', then link, neighbour and base modes (two each), relaxation
+            branches, loop integrator.
+        P: Packed numbers, shape (N_P,).
+        S: Switches, shape (N_S,).
+        um: Motor torque eta n T_e at half steps [N m], shape (2 n + 1,); the acceleration of a prescribed motion.
+        ul: External torque on the arm at half steps [N m].
+        y: Observed (or prescribed) angle or speed at half steps [rad, rad/s]; in a closed loop the feed-forward [N m].
+        w: Speed command (or prescribed speed) at half steps, at the output [rad/s].
+        t0: Time of the first node on the run's clock [s].
+        h: Step [s].
+        out: Result; columns X_QS ... X_TEXT.
+    """
+    plain = (
+        S[N_X] == 4
+        and S[N_TE] == S[N_RIPPLE] == S[HYST_KIND] == S[LOAD_PRESCRIBED] == 0
+        and S[MOTOR] != MOTOR_PRESCRIBED
+        and P[REID] == 0.0
+    )
+    if plain:
+        held, dry_m, dry_l = S[MOTOR] == MOTOR_HELD, S[FRICTION_M] != 0, S[FRICTION_L] != 0
+        _simulate_plain(x, P, bool(held), bool(dry_m), bool(dry_l), um, ul, y, t0, h, out)
+    else:
+        _simulate_full(x, P, S, um, ul, y, w, t0, h, out)
