@@ -32,6 +32,9 @@ BASE_NAMES = (
     "torque_offset",
     "drive_gain",
     "drive_integral",
+    "drive_acceleration",
+    "drive_velocity",
+    "drive_limit",
 )
 BASE_INDEX = {name: index for index, name in enumerate(BASE_NAMES)}
 
@@ -182,8 +185,8 @@ def close_loop(assembly: Assembly) -> None:
     P[kernel.LOOP_I] = factor * assembly.base("drive_integral")
     total = P[kernel.J_M] + P[kernel.J_L]
     P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * OBSERVER_HZ / gain)
-    if run.torque_limit is not None:
-        P[kernel.LOOP_LIMIT] = factor * run.torque_limit
+    if assembly.base("drive_limit") > 0.0:
+        P[kernel.LOOP_LIMIT] = factor * assembly.base("drive_limit")
 
 
 def initial_state(assembly: Assembly, first_torque: float) -> Vector:

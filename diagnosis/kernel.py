@@ -413,7 +413,8 @@ def _simulate_full(
     hyst = S[HYST_KIND] != 0
     dry_m = S[FRICTION_M] != 0 and S[MOTOR] == MOTOR_FREE
     dry_l = S[FRICTION_L] != 0 and S[LOAD_PRESCRIBED] == 0
-    sm, sl = 0, 0
+    sm = 1 if x[1] > 0.0 else (-1 if x[1] < 0.0 else 0)
+    sl = 1 if x[3] > 0.0 else (-1 if x[3] < 0.0 else 0)
     for k in range(n):
         if S[LOAD_PRESCRIBED]:
             sl = 1 if w[2 * k] > 0.0 else -1
@@ -616,7 +617,8 @@ def _simulate_plain(
         P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
     )  # fmt: skip
     turn = (q, math.cos(q), math.sin(q))
-    sm, sl = 0, 0
+    sm = 1 if x[1] > 0.0 else (-1 if x[1] < 0.0 else 0)
+    sl = 1 if x[3] > 0.0 else (-1 if x[3] < 0.0 else 0)
     dry_m = dry_m and not held
     for k in range(n):
         if abs(q - turn[0]) > _TURN:

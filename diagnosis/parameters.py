@@ -68,6 +68,9 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "torque_offset": 0.0,
         "drive_gain": (J_M + J_L) * 60.0,
         "drive_integral": (J_M + J_L) * 60.0 * 6.0,
+        "drive_acceleration": 0.0,
+        "drive_velocity": 0.0,
+        "drive_limit": 0.0,
     }
     free = {
         "stiffness": springs,
@@ -80,14 +83,12 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "efficiency": efficiency_free,
         "torque_scale": scale_free,
         "torque_offset": driven and not motor_known and swung,  # an uncalibrated channel's zero is unknown too
-        "drive_gain": False,
-        "drive_integral": False,
     }
     merged = {} if swung or not springs else {"damping": "damping_total"}
     if merged:
         start["damping"] += start["load_damping"]
         start["load_damping"] = 0.0
-    nuisance = {"torque_scale", "torque_offset", "drive_gain", "drive_integral"}
+    nuisance = {name for name in BASE_NAMES if name.startswith(("drive_", "torque_"))}
     values = np.array([start[name] for name in BASE_NAMES])
     return BaseSpec(
         names=BASE_NAMES,
@@ -95,7 +96,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         lower=np.zeros(values.size),
         upper=np.full(values.size, np.inf),
         scale=np.ones(values.size),
-        free=np.array([free[name] for name in BASE_NAMES]),
+        free=np.array([free.get(name, False) for name in BASE_NAMES]),
         nuisance=np.array([name in nuisance for name in BASE_NAMES]),
         merged=merged,
     )
@@ -119,6 +120,9 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "torque_offset": max(0.01 * largest, 1e-12),
         "drive_gain": b["drive_gain"],
         "drive_integral": max(b["drive_integral"], b["drive_gain"]),
+        "drive_acceleration": b["motor_inertia"] + b["load_inertia"],
+        "drive_velocity": b["drive_gain"],
+        "drive_limit": max(largest, 1e-12),
     }
     scales = np.array([scale[name] for name in BASE_NAMES])
     lower, upper = np.zeros(scales.size), np.full(scales.size, np.inf)

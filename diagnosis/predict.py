@@ -16,7 +16,7 @@ from jointscope.diagnosis.vibration import disturbance
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
-    from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
+    from jointscope.diagnosis.prepare import PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 
@@ -83,18 +83,29 @@ def integrate(assembly: Assembly) -> Vector:
     if run.observed is not None and run.late_observed and (chain.delay != 0.0 or chain.clock != 0.0):
         observed = shifted(run.observed.signal, run, chain)
     if S[kernel.AT_LOOP] >= 0:
-        observed = run.feedforward_half * assembly.drive_factor / max(run.torque_factor, 1e-300)
-        factor = assembly.drive_factor / max(run.torque_factor * assembly.base("efficiency"), 1e-300)
-        if factor != 1.0:
-            P[kernel.LOOP_P] *= factor
-            P[kernel.LOOP_I] *= factor
-            P[kernel.LOOP_LIMIT] *= factor
-            x[S[kernel.AT_LOOP]] /= factor
+        observed = _feed_forward(assembly)
+        scale = assembly.base("torque_scale") * chain.torque_gain
+        for entry in (kernel.LOOP_P, kernel.LOOP_I, kernel.LOOP_LIMIT):
+            P[entry] *= scale
+        x[S[kernel.AT_LOOP]] /= scale
     elif P[kernel.OBS_QS] != 0.0 or S[kernel.MOTOR] == kernel.MOTOR_PRESCRIBED:
         observed = observed + (x[0] - observed[0] if S[kernel.MOTOR] == kernel.MOTOR_PRESCRIBED else x[0] - x[2])
     out = np.empty((run.steps + 1, kernel.N_OUT))
     kernel.simulate(x, P, S, motor, load, observed, command, run.t0, 1.0 / run.grid_rate, out)
     return out
+
+
+def _feed_forward(assembly: Assembly) -> Vector:
+    """What the drive's law adds to its feedback, at half steps at the output [N m], shape (2 n + 1,)."""
+    run = assembly.run
+    factor = assembly.base("efficiency") * assembly.base("torque_scale") * assembly.chain.torque_gain
+    acceleration, velocity = assembly.base("drive_acceleration"), assembly.base("drive_velocity")
+    total = np.zeros(run.command_half.size)
+    if velocity != 0.0:
+        total += factor * velocity * run.command_half
+    if acceleration != 0.0:
+        total += factor * acceleration * run.command_rate_half
+    return total
 
 
 def inverse_force(
@@ -129,8 +140,3 @@ def inverse_force(
     recorded = sosfiltfilt(sections, force)[::2]
     edge = max(1, math.ceil(0.1 * run.grid_rate))
     return recorded[edge:-edge], model[edge:-edge]
-
-
-def declared_scale(output: Output, assembly: Assembly) -> float:
-    """Prediction times this plus ``output.offset`` is what the file would hold, in SI."""
-    return output.polarity

@@ -28,7 +28,8 @@ def predict_campaign(
     Raises:
         RefusedError: The model is of another kind or version, or no run holds an input.
     """
-    from jointscope.diagnosis.predict import free_prediction, prepare_inputs
+    from jointscope.diagnosis.predict import free_prediction
+    from jointscope.diagnosis.prepare import prepare_inputs
 
     problem = prepare_inputs(campaign)
     _, theta, effects = read_model_json(model, problem.base.names)

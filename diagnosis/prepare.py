@@ -5,7 +5,7 @@ Nothing is read from titles, notes, ids, file or column names, or from the order
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -103,13 +103,12 @@ class PreparedRun:
         ratio: n.
         t0, grid_rate, steps: The grid: nodes at t0 + k / grid_rate, k = 0 ... steps.
         load_half, motor_half, command_half, observed_half: Inputs at half steps at the joint output; zeros where absent.
-        feedforward_half: What the drive's law adds to its feedback, as a torque at the output [N m].
+        command_rate_half: The speed command's rate [rad/s^2].
         load, motor, command: The same as functions of time, for effects that shift or filter them.
         late_motor, late_observed: Whether their device is not the DAQ.
         torque_factor: Motor torque at the output per unit of the motor channel.
         initial_angle: Arm angle at the start [rad].
         motor_zero: Recorded motor angle / n minus the model's q_s at the start [rad].
-        torque_limit: Largest torque of the drive at the output [N m], or ``None``.
         outputs: What is compared.
         declared: Every channel that the run declares as output, for prediction.
     """
@@ -129,7 +128,7 @@ class PreparedRun:
     motor_half: Vector
     command_half: Vector
     observed_half: Vector
-    feedforward_half: Vector
+    command_rate_half: Vector
     load: Drive | None
     motor: Drive | None
     command: Drive | None
@@ -139,7 +138,6 @@ class PreparedRun:
     torque_factor: float
     initial_angle: float
     motor_zero: float
-    torque_limit: float | None
     outputs: tuple[Output, ...]
     declared: tuple[Output, ...] = ()
 
@@ -273,9 +271,38 @@ def prepare(campaign: Campaign) -> Problem:
     return finished(campaign, tuple(runs))
 
 
-def _prepare_run(run: Run, rig: Nameplate, index: int) -> PreparedRun | None:
+def prepare_inputs(campaign: Campaign) -> Problem:
+    """A campaign of which only the inputs are read, for :func:`free_prediction`; every declared output is foretold.
+
+    The base parameters come from a diagnosed model; those of the result are placeholders.
+
+    Raises:
+        RefusedError: The rig has several joints, or a run holds no input.
+    """
+    from jointscope.diagnosis.parameters import base_spec
+    from jointscope.diagnosis.sizes import unit_scales
+
+    if campaign.rig.topology == "arm":
+        raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
+    runs = []
+    for run in campaign.runs:
+        prepared = _prepare_run(run, campaign.rig, len(runs), inputs_only=True)
+        if prepared is None:
+            raise RefusedError(
+                f"{campaign.path}: run {run.id}: no force, torque or speed command to predict from; record one"
+            )
+        runs.append(prepared)
+    return Problem(
+        rig=campaign.rig, runs=tuple(runs), base=base_spec(campaign.rig, tuple(runs)), scales=unit_scales()
+    )
+
+
+def _prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = False) -> PreparedRun | None:
     """One run on its grid, or ``None`` where nothing drives it or nothing was compared."""
     recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.quantity != "frf"]
+    if inputs_only:
+        recorded = [s for s in recorded if s.channel.role == "input"]
+        run = _without_outputs(run)
     load, motor, command = load_torque(run), motor_torque(run, rig), speed_command(run, rig)
     daq = _daq(run)
     held = run.brake or run.hold.get("", "drive") in ("brake", "brake-with-play", "locked")
@@ -289,10 +316,12 @@ def _prepare_run(run: Run, rig: Nameplate, index: int) -> PreparedRun | None:
     motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
     if mode not in ("observer",):
         observed = None
-    outputs = _outputs(recorded, rig, run, mode, daq, observed)
-    if not outputs:
+    end = max((s.times[-1] for s in recorded), default=0.0)
+    declared = tuple(_declared(s, rig, run, daq, end) for s in run.signals if _foretold(s))
+    outputs = () if inputs_only else _outputs(recorded, rig, run, mode, daq, observed)
+    if not outputs and not inputs_only:
         return None
-    t0, grid_rate, steps = _grid(recorded, outputs)
+    t0, grid_rate, steps = _grid(recorded, outputs or declared)
     half = t0 + np.arange(2 * steps + 1) / (2.0 * grid_rate)
     zeros = np.zeros(2 * steps + 1)
     motor_half = zeros if motor is None else motor.signal(half)
@@ -317,7 +346,7 @@ def _prepare_run(run: Run, rig: Nameplate, index: int) -> PreparedRun | None:
         motor_half=motor_half,
         command_half=command_half,
         observed_half=observed_half,
-        feedforward_half=zeros,
+        command_rate_half=zeros if command is None else command.signal(half, 1),
         load=load,
         motor=motor,
         command=command,
@@ -327,14 +356,40 @@ def _prepare_run(run: Run, rig: Nameplate, index: int) -> PreparedRun | None:
         torque_factor=1.0 if motor is None else motor.factor,
         initial_angle=_initial_angle(run, rig, prescribed),
         motor_zero=_motor_zero(recorded, rig, run),
-        torque_limit=None,
         outputs=outputs,
-        declared=tuple(_output(s, rig, run, mode, daq, None, run.arm_angle) for s in _declared(run)),
+        declared=declared,
     )
 
 
-def _declared(run: Run) -> list[Signal]:
-    return [s for s in run.signals if s.channel.role == "output" and s.channel.quantity != "frf"]
+def _without_outputs(run: Run) -> Run:
+    """The run as if its output columns had been left out of the files."""
+    streams = tuple(
+        replace(
+            stream,
+            channels=tuple(c if c.role == "input" else replace(c, samples=None) for c in stream.channels),
+        )
+        for stream in run.streams
+    )
+    return replace(run, streams=streams)
+
+
+def _foretold(signal: Signal) -> bool:
+    """Whether a channel is an output that the joint's model has something to say of."""
+    channel = signal.channel
+    return channel.role == "output" and channel.quantity != "frf" and channel.location not in ("base", "neighbour")
+
+
+def _declared(signal: Signal, rig: Nameplate, run: Run, daq: int, end: float) -> Output:
+    """A channel to be foretold: its stream's samples, or as many as the inputs cover where its file has none."""
+    output = _output(signal, rig, run, "braked", daq, None, run.arm_angle)
+    if signal.stream.length:
+        times = signal.stream.times
+    else:
+        count = max(2, int(np.floor((end - signal.stream.start) * signal.sampling_rate + 1e-6)) + 1)
+        times = signal.stream.start + np.arange(count) / signal.sampling_rate
+    if output.times.size == times.size:
+        return output
+    return replace(output, times=times, data=np.zeros(times.size), mask=np.zeros(times.size, dtype=np.bool_))
 
 
 def _daq(run: Run) -> int:
@@ -457,7 +512,7 @@ def _output(
     data = np.where(mask, data, 0.0)
     motor = channel.location == "motor"
     offset = 0.0
-    if channel.quantity in ("angle", "position") and data.size:
+    if channel.quantity in ("angle", "position") and recorded and data.size:
         offset = _first(data) - angle * ((rig.reduction_ratio or 1.0) if motor else 1.0)
     if data.size > 64:
         mask[-_TAIL:] = False

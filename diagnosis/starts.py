@@ -52,8 +52,8 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
         findings=findings,
     )
     base = replace(base, start=min(candidates, key=lambda start: _misfit(problem, start)))
-    base, runs = _with_drive(base, runs, _drive(campaign, rig, base), rig)
-    problem = replace(problem, runs=runs, base=bounded(base, runs))
+    base = _with_drive(base, runs, _drive(campaign, rig, base), rig)
+    problem = replace(problem, base=bounded(base, runs))
     return replace(problem, scales=typical_sizes(problem))
 
 
@@ -137,10 +137,8 @@ def _drive(campaign: Campaign, rig: Nameplate, base: BaseSpec) -> Drive | None:
         return None
 
 
-def _with_drive(
-    base: BaseSpec, runs: tuple[PreparedRun, ...], drive: Drive | None, rig: Nameplate
-) -> tuple[BaseSpec, tuple[PreparedRun, ...]]:
-    """The law's gains at the output in the start vector, its feed-forward and limit in the runs."""
+def _with_drive(base: BaseSpec, runs: tuple[PreparedRun, ...], drive: Drive | None, rig: Nameplate) -> BaseSpec:
+    """The law at the joint output in the start vector; gains are free where no recording gave them."""
     n = rig.reduction_ratio or 1.0
     start, free = base.start.copy(), base.free.copy()
     if drive is None:
@@ -150,17 +148,14 @@ def _with_drive(
         total = start[BASE_INDEX["load_inertia"]] + start[BASE_INDEX["motor_inertia"]]
         start[BASE_INDEX["drive_gain"]] = 60.0 * total
         start[BASE_INDEX["drive_integral"]] = 360.0 * total
-        return replace(base, start=start, free=free), runs
-    start[BASE_INDEX["drive_gain"]] = drive.proportional * n * n
-    start[BASE_INDEX["drive_integral"]] = drive.integral * n * n
-    limit = None if drive.torque_limit is None else drive.torque_limit * n
-    done = []
-    for run in runs:
-        if run.command is None:
-            done.append(run)
-            continue
-        half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-        rate, speed = run.command.signal(half, 1), run.command_half
-        feed = (drive.acceleration_feedforward * rate + drive.velocity_feedforward * speed) * n * n
-        done.append(replace(run, feedforward_half=feed, torque_limit=limit))
-    return replace(base, start=start, free=free), tuple(done)
+        return replace(base, start=start, free=free)
+    law = {
+        "drive_gain": drive.proportional * n * n,
+        "drive_integral": drive.integral * n * n,
+        "drive_acceleration": drive.acceleration_feedforward * n * n,
+        "drive_velocity": drive.velocity_feedforward * n * n,
+        "drive_limit": 0.0 if drive.torque_limit is None else drive.torque_limit * n,
+    }
+    for name, value in law.items():
+        start[BASE_INDEX[name]] = value
+    return replace(base, start=start, free=free)

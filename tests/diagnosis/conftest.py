@@ -1,0 +1,181 @@
+"""Recordings of joints integrated by SciPy, so that the compiled model is tested against another integrator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+
+from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
+
+G = 9.80665
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A two-inertia joint; ``extra`` adds (motor, load) torques from (t, q_s, v_s, q, v)."""
+
+    K: float = 1.9e5
+    c: float = 60.0
+    J_L: float = 3.0
+    J_m: float = 4.58e-4
+    n: float = 141.0
+    b_m: float = 2.0
+    b_l: float = 2.0
+    eta: float = 0.7
+    weight: float = 6.0 * G * 0.5
+    extra: Callable[[float, np.ndarray], tuple[float, float]] | None = None
+
+    def rates(self, load, motor, braked: bool):
+        J_M = self.J_m * self.n**2
+
+        def f(t, x):
+            q_s, v_s, q, v = x
+            T = self.K * (q_s - q) + self.c * (v_s - v)
+            m, arm = (0.0, 0.0) if self.extra is None else self.extra(t, x)
+            a = (T + load(t) - self.weight * math.cos(q) - self.b_l * v + arm) / self.J_L
+            a_s = 0.0 if braked else (motor(t) - T - self.b_m * v_s + m) / J_M
+            return [0.0 if braked else v_s, a_s, v, a]
+
+        return f
+
+    def motion(self, load, motor, braked: bool, q0: float, duration: float):
+        start = [q0 + self.weight * math.cos(q0) / self.K, 0.0, q0, 0.0]
+        f = self.rates(load, motor, braked)
+        solution = solve_ivp(
+            f, (0.0, duration), start, method="DOP853", rtol=1e-8, atol=1e-11, max_step=1e-3, dense_output=True
+        ).sol
+        return solution, f
+
+
+def channel(column, quantity, unit, location, role, samples, **more) -> Channel:
+    return Channel(
+        column=column, quantity=quantity, unit=unit, location=location, role=role,
+        samples=np.asarray(samples, dtype=float), **more,
+    )  # fmt: skip
+
+
+def _settled_high_pass(x, corner, rate):
+    k = math.tan(math.pi * corner / rate)
+    return lfilter(np.array([1.0, -1.0]) / (1.0 + k), [1.0, (k - 1.0) / (1.0 + k)], x - x[0])
+
+
+def hammer_run(plant: Plant, peak: float, name: str, *, q0=0.0, duration=1.5, rate=1024.0, **more) -> Run:
+    """One hit at 0.8 m, an ac-coupled accelerometer at 0.95 m."""
+    t = np.arange(int(duration * rate)) / rate
+    load = lambda u: 0.8 * peak * math.exp(-(((u - 0.1) / 0.002) ** 2))  # noqa: E731
+    motion, f = plant.motion(load, lambda u: 0.0, True, q0, duration)
+    x = motion(t)
+    a = np.array([f(u, s)[3] for u, s in zip(t, x.T, strict=True)])
+    y = _settled_high_pass(0.95 * a + G * np.cos(x[2]) * (plant.weight > 0), 0.5, rate)
+    force = np.array([load(u) for u in t]) / 0.8
+    stream = Stream(
+        file=f"{name}.csv",
+        sampling_rate=rate,
+        length=t.size,
+        channels=(
+            channel("f", "force", "N", "arm", "input", force, radius=0.8),
+            channel("a", "linear-acceleration", "m/s^2", "arm", "output", y, radius=0.95, coupling="ac", low_cutoff=0.5),
+        ),
+    )
+    return Run(id=name, experiment="hammer", streams=(stream,), brake=True, arm_angle=q0, **more)
+
+
+def sweep_run(plant: Plant, amplitude: float, name: str, *, q0=-1.047, duration=2.0, encoder=True, **more) -> Run:
+    """Torque swept over 4-80 Hz, logged at 500 Hz with the motor's angle by a second device."""
+    rate, slow = 1024.0, 500.0
+    t, tl = np.arange(int(duration * rate)) / rate, np.arange(int(duration * slow)) / slow
+    hold = plant.weight * math.cos(q0)
+
+    def motor(u):
+        chirp = math.sin(2 * math.pi * (4.0 * u + 76.0 / (2 * duration) * u * u))
+        return hold + amplitude * min(max(u / 0.1, 0.0), 1.0) * chirp
+
+    motion, f = plant.motion(lambda u: 0.0, motor, False, q0, duration)
+    x = motion(t)
+    a = np.array([f(u, s)[3] for u, s in zip(t, x.T, strict=True)])
+    y = _settled_high_pass(0.95 * a + G * np.cos(x[2]) * (plant.weight > 0), 0.5, rate)
+    torque = np.array([motor(u) for u in tl]) / plant.n / plant.eta
+    logged = [channel("T", "torque", "N m", "motor", "input", torque)]
+    if encoder:
+        logged.append(channel("th", "angle", "rad", "motor", "output", motion(tl)[0] * plant.n))
+    streams = (
+        Stream(
+            file=f"{name}-daq.csv",
+            sampling_rate=rate,
+            length=t.size,
+            channels=(
+                channel("a", "linear-acceleration", "m/s^2", "arm", "output", y, radius=0.95, coupling="ac",
+                        low_cutoff=0.5),
+            ),
+        ),
+        Stream(file=f"{name}-plc.csv", sampling_rate=slow, length=tl.size, channels=tuple(logged)),
+    )  # fmt: skip
+    return Run(id=name, experiment="torque-sweep", streams=streams, arm_angle=q0, **more)
+
+
+NAMEPLATE = Nameplate(
+    topology="two-inertia",
+    motion="rotational",
+    plane="vertical",
+    reduction_ratio=141.0,
+    motor_inertia=2.1e-4,
+    reducer_inertia=2.48e-4,
+    arm_mass=6.0,
+    arm_com_radius=0.5,
+    efficiency=0.7,
+    motor_damping=1.0,
+    load_damping=4.0,
+    stiffness_reference=1.5e5,
+    inertia_reference=3.6,
+)
+
+
+def campaign_of(runs, rig: Nameplate = NAMEPLATE) -> Campaign:
+    return Campaign(path=Path("bench"), rig=rig, runs=tuple(runs))
+
+
+@pytest.fixture(scope="session")
+def plant() -> Plant:
+    return Plant()
+
+
+@pytest.fixture(scope="session")
+def bench(plant) -> Campaign:
+    """Two hits and a sweep of the same joint, without noise."""
+    runs = (hammer_run(plant, 100.0, "a"), hammer_run(plant, 300.0, "b"), sweep_run(plant, 30.0, "c"))
+    return campaign_of(runs)
+
+
+@pytest.fixture(scope="session")
+def problem(bench):
+    from jointscope.diagnosis.prepare import prepare
+
+    return prepare(bench)
+
+
+@pytest.fixture(scope="session")
+def truth(problem, plant):
+    return problem.theta(
+        stiffness=plant.K, damping=plant.c, load_inertia=plant.J_L, motor_damping=2.0, load_damping=2.0
+    )
+
+
+@pytest.fixture(scope="session")
+def builders():
+    """The makers of runs, for tests that need others."""
+
+    class Builders:
+        Plant, hammer_run, sweep_run, campaign_of, channel, NAMEPLATE = (
+            Plant, staticmethod(hammer_run), staticmethod(sweep_run), staticmethod(campaign_of),
+            staticmethod(channel), NAMEPLATE,
+        )  # fmt: skip
+        replace = staticmethod(replace)
+
+    return Builders

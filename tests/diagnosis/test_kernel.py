@@ -1,0 +1,335 @@
+"""The compiled joint obeys mechanics: closed forms, conservation, convergence, and another integrator."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.effects.transmission import branches
+
+KW = dict(J_M=9.1, J_L=3.0, K=1.9e5, C=0.0)
+W0 = math.sqrt(KW["K"] / KW["J_L"])
+
+
+def packed(**numbers):
+    P, S = np.zeros(k.N_P), np.zeros(k.N_S, dtype=np.int64)
+    defaults = dict(HYST_ANGLE=1.0, FM_SPEED=1.0, FL_SPEED=1.0, FM_EXPONENT=2.0, FL_EXPONENT=2.0, STOP_EXPONENT=1.0,
+                    STOP_SIDE=1.0, LOOP_LIMIT=1e300)  # fmt: skip
+    S[[k.AT_LINK, k.AT_NEAR, k.AT_BASE, k.AT_BRANCH, k.AT_LOOP]] = -1
+    S[k.N_X], S[k.MOTOR] = 4, k.MOTOR_HELD
+    for name, value in {**defaults, **KW, **numbers}.items():
+        if hasattr(k, name) and name in ("MOTOR", "HYST_KIND", "FRICTION_M", "FRICTION_L", "N_TE", "N_RIPPLE",
+                                         "LOAD_PRESCRIBED", "N_BRANCH"):  # fmt: skip
+            S[getattr(k, name)] = value
+        else:
+            P[getattr(k, name)] = value
+    return P, S
+
+
+def modes(S, *switches):
+    for switch in switches:
+        S[switch] = S[k.N_X]
+        S[k.N_X] += 2
+    return S
+
+
+def run(P, S, *, x=(0.0, 0.0, 0.0, 0.0), um=None, ul=None, duration=1.0, rate=4096.0, y=None, w=None):
+    n = round(duration * rate)
+    t = np.arange(2 * n + 1) / (2 * rate)
+    zero = np.zeros(t.size)
+    arrays = [zero if u is None else np.asarray(u(t), dtype=float) for u in (um, ul, y, w)]
+    state = np.zeros(int(S[k.N_X]))
+    state[: len(x)] = x
+    out = np.zeros((n + 1, k.N_OUT))
+    k.simulate(state, P, S, arrays[0], arrays[1], arrays[2], arrays[3], 0.0, 1.0 / rate, out)
+    return t[::2], out
+
+
+def peaks(t, q):
+    """Times and heights of the maxima of |q|, by parabolas."""
+    a = np.abs(q)
+    i = np.flatnonzero((a[1:-1] >= a[:-2]) & (a[1:-1] > a[2:])) + 1
+    d = 0.5 * (a[i - 1] - a[i + 1]) / (a[i - 1] - 2 * a[i] + a[i + 1])
+    return t[i] + d * (t[1] - t[0]), a[i] - 0.25 * (a[i - 1] - a[i + 1]) * d
+
+
+def crossings(t, q):
+    i = np.flatnonzero(q[:-1] * q[1:] < 0)
+    return t[i] - q[i] * (t[i + 1] - t[i]) / (q[i + 1] - q[i])
+
+
+def frequency(t, q):
+    c = crossings(t, q)
+    return (len(c) - 1) / 2.0 / (c[-1] - c[0])
+
+
+def test_undamped_joint_conserves_energy():
+    P, S = packed(MOTOR=k.MOTOR_FREE)
+    _, out = run(P, S, x=(1e-3, 0.0, 0.0, 0.2), duration=2.0)
+    energy = 0.5 * (9.1 * out[:, k.X_VS] ** 2 + 3.0 * out[:, k.X_V] ** 2 + 1.9e5 * (out[:, k.X_QS] - out[:, k.X_Q]) ** 2)
+    assert np.ptp(energy) / energy[0] < 2e-4  # Runge-Kutta loses (w h)^6/144 per step
+    momentum = 9.1 * out[:, k.X_VS] + 3.0 * out[:, k.X_V]
+    assert np.ptp(momentum) < 1e-11
+
+
+def test_error_falls_with_the_fourth_power_of_the_step():
+    P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, K_3=2e10)
+    force = lambda t: 200.0 * np.exp(-(((t - 0.05) / 0.01) ** 2))  # noqa: E731
+    ends = [run(P, S, ul=force, duration=0.3, rate=rate)[1][-1, :5] for rate in (1000.0, 2000.0, 4000.0, 16000.0)]
+    errors = [np.abs(e - ends[-1])[[0, 3]].max() for e in ends[:-1]]
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert np.all(orders > 3.6), orders
+
+
+@pytest.mark.parametrize(
+    ("numbers", "law"),
+    [
+        ({}, lambda q_s, v_s, q, v: (0.0, 0.0, 0.0)),
+        ({"K_3": 3e10}, lambda q_s, v_s, q, v: (3e10 * (q_s - q) ** 3, 0.0, 0.0)),
+        ({"C_QUADRATIC": 60.0}, lambda q_s, v_s, q, v: (0.0, 0.0, -60.0 * v * abs(v))),
+        ({"G_COS": 30.0}, lambda q_s, v_s, q, v: (0.0, 0.0, -30.0 * math.cos(q))),
+        (
+            {"K_SOFT": 5e4, "SOFT_ANGLE": 2e-4},
+            lambda q_s, v_s, q, v: (-5e4 * min(max(q_s - q, -2e-4), 2e-4), 0.0, 0.0),
+        ),
+        (
+            {"STOP_ANGLE": 5e-4, "STOP_K": 1e5},
+            lambda q_s, v_s, q, v: (0.0, 0.0, -1e5 * max(q - 5e-4, 0.0)),
+        ),
+    ],
+)
+def test_agrees_with_lsoda(numbers, law):
+    P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, B_M=3.0, B_L=2.0, **numbers)
+    force = lambda t: 200.0 * np.exp(-(((t - 0.05) / 0.006) ** 2))  # noqa: E731
+    motor = lambda t: 30.0 * np.sin(2 * np.pi * 11.0 * t)  # noqa: E731
+    t, out = run(P, S, ul=force, um=motor, duration=0.3)
+
+    def f(u, x):
+        q_s, v_s, q, v = x
+        extra, m, arm = law(q_s, v_s, q, v)
+        T = 1.9e5 * (q_s - q) + 40.0 * (v_s - v) + extra
+        return [v_s, (motor(u) - T - 3.0 * v_s + m) / 9.1, v, (T + force(u) - 2.0 * v + arm) / 3.0]
+
+    reference = solve_ivp(f, (0, t[-1]), np.zeros(4), method="LSODA", rtol=1e-9, atol=1e-12, max_step=2e-3, t_eval=t).y
+    for column, row in ((k.X_QS, 0), (k.X_Q, 2)):
+        assert np.abs(out[:, column] - reference[row]).max() < 2e-5 * np.ptp(reference[row])
+
+
+def test_four_scalars_and_the_full_kernel_are_one_model():
+    """The fast path and the path with every law give the same motion for a law that both hold."""
+    P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, GAP_HALF=2e-5, FM_PLUS=2.0, FM_MINUS=2.5, FL_PLUS=1.0, FL_MINUS=1.0,
+                  FL_EXCESS=0.5, FRICTION_M=1, FRICTION_L=1, G_COS=10.0, OBS_1=30.0, OBS_2=355.0, OBS_QS=1.0)  # fmt: skip
+    motor = lambda t: 30.0 * np.sin(2 * np.pi * 11.0 * t)  # noqa: E731
+    angle = lambda t: 1e-3 * np.sin(7 * t)  # noqa: E731
+    _, fast = run(P, S, um=motor, y=angle)
+    P[k.REID], P[k.REID_OMEGA] = 1e-300, 1.0  # an empty law that only the full path holds
+    _, full = run(P, S, um=motor, y=angle)
+    for column in (k.X_QS, k.X_Q, k.X_A, k.X_TS):
+        assert np.abs(fast[:, column] - full[:, column]).max() < 1e-6 * np.abs(full[:, column]).max()
+
+
+def test_coulomb_friction_takes_a_constant_amplitude_per_second():
+    """dA/dt = -2 T w0/(pi K) whatever the amplitude; the frequency stays; the end is rest within +-T/K."""
+    T = 1.5
+    P, S = packed(FL_PLUS=T, FL_MINUS=T, FRICTION_L=1)
+    t, out = run(P, S, x=(0, 0, 1e-3, 0), duration=1.5)
+    q = out[:, k.X_Q]
+    times, heights = peaks(t, q)
+    early, late = heights > 4e-4, (heights < 4e-4) & (heights > 1e-4)
+    for part in (early, late):
+        slope = np.polyfit(times[part], heights[part], 1)[0]
+        assert slope == pytest.approx(-2 * T * W0 / (math.pi * KW["K"]), rel=2e-3)
+    assert frequency(t[times.searchsorted(0) : 600], q[:600]) == pytest.approx(W0 / 2 / math.pi, rel=1e-3)
+    assert abs(q[-1]) <= T / KW["K"] and np.ptp(q[-200:]) == 0.0
+
+
+def test_asymmetric_friction_is_friction_plus_a_constant_torque():
+    P, S = packed(MOTOR=k.MOTOR_FREE, K=0.0, FM_PLUS=6.0, FM_MINUS=4.0, FRICTION_M=1)
+    Q, R = packed(MOTOR=k.MOTOR_FREE, K=0.0, FM_PLUS=5.0, FM_MINUS=5.0, FRICTION_M=1)
+    drive = lambda t: 20.0 * np.sin(2 * np.pi * 2.0 * t)  # noqa: E731
+    _, a = run(P, S, um=drive)
+    _, b = run(Q, R, um=lambda t: drive(t) - 1.0)
+    moving = (np.abs(a[:, k.X_VS]) > 0.02) & (np.abs(b[:, k.X_VS]) > 0.02)
+    np.testing.assert_allclose(a[moving, k.X_AS], b[moving, k.X_AS], atol=1e-9)
+
+
+def test_stuck_until_breakaway_then_accelerated_by_the_excess():
+    """Below the breakaway torque nothing moves at all; above it a = (tau - T)/J."""
+    P, S = packed(MOTOR=k.MOTOR_FREE, K=0.0, FM_PLUS=5.0, FM_MINUS=5.0, FM_EXCESS=0.6, FM_SPEED=1e-4, FRICTION_M=1)
+    t, out = run(P, S, um=lambda t: 10.0 * t)
+    start = t[np.flatnonzero(out[:, k.X_VS] > 0)[0]]
+    assert start == pytest.approx(0.8, abs=1e-3)
+    assert np.all(out[t < 0.799, k.X_QS] == 0.0)
+    late = t > 0.9
+    np.testing.assert_allclose(out[late, k.X_AS], (10.0 * t[late] - 5.0) / 9.1, rtol=1e-6)
+
+
+def test_a_sliding_mass_stops_where_energy_says():
+    """v0^2 J/(2 T) of path, and exact rest."""
+    P, S = packed(K=0.0, FL_PLUS=3.0, FL_MINUS=3.0, FRICTION_L=1)
+    _, out = run(P, S, x=(0, 0, 0, 0.5), duration=1.0)
+    assert out[-1, k.X_Q] == pytest.approx(0.25 * 3.0 / (2 * 3.0), rel=1e-6)
+    assert out[-1, k.X_V] == 0.0
+
+
+def test_quadratic_drag_decays_with_the_square():
+    """d(1/A)/dt = 4 c_q w0/(3 pi J)."""
+    P, S = packed(C_QUADRATIC=50.0)
+    t, out = run(P, S, x=(0, 0, 1e-3, 0), duration=1.0)
+    times, heights = peaks(t, out[:, k.X_Q])
+    slope = np.polyfit(times, 1.0 / heights, 1)[0]
+    assert slope == pytest.approx(4 * 50.0 * W0 / (3 * math.pi * 3.0), rel=5e-3)
+
+
+@pytest.mark.parametrize("amplitude", [2e-4, 5e-4, 1e-3])
+def test_backlash_backbone_is_the_dead_zones_describing_function(amplitude):
+    """f(A) = f0 sqrt(N(A)/K), N the dead zone's describing function (A measured in the spring and the play)."""
+    gap = 1e-4
+    P, S = packed(GAP_HALF=0.5 * gap, GAP_DAMPING=1.0)
+    t, out = run(P, S, x=(0, 0, amplitude, 0), duration=1.0, rate=16384.0)
+    r = 0.5 * gap / amplitude
+    N = 1 - 2 / math.pi * (math.asin(r) + r * math.sqrt(1 - r * r))
+    # the describing function is first-order; the exact period is the arcs in contact plus the free flights
+    contact, flight = math.pi / W0 * 2, 4 * (0.5 * gap) / ((amplitude - 0.5 * gap) * W0)
+    assert frequency(t, out[:, k.X_Q]) == pytest.approx(1 / (contact + flight), rel=2e-4)
+    assert frequency(t, out[:, k.X_Q]) == pytest.approx(W0 / 2 / math.pi * math.sqrt(N), rel=0.02)
+
+
+def test_cubic_backbone():
+    """f(A) = f0 (1 + 3 k3 A^2/(8 K)) for small k3 A^2/K."""
+    A, k3 = 1e-3, 6e9
+    P, S = packed(K_3=k3)
+    t, out = run(P, S, x=(0, 0, A, 0), duration=1.0)
+    assert frequency(t, out[:, k.X_Q]) == pytest.approx(W0 / 2 / math.pi * (1 + 3 * k3 * A * A / (8 * KW["K"])), rel=2e-4)
+
+
+@pytest.mark.parametrize("kind", [k.DAHL, k.BOUC_WEN, k.MAXWELL_SLIP])
+def test_hysteresis_is_rate_independent_dissipates_and_starts_stiff(kind):
+    """The loop in (Delta, T) is the same at any rate, has an area above zero and the initial slope K + T/D."""
+    area = []
+    for f in (1.0, 7.0):
+        P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-4, HYST_KIND=kind, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12)
+        _, out = run(P, S, y=lambda t, f=f: 1e-3 * np.sin(2 * np.pi * f * t), duration=2 / f, rate=4096.0 * f)
+        delta = out[:, k.X_QS] - out[:, k.X_Q]
+        T = out[:, k.X_TS]
+        last = len(T) // 2
+        area.append(np.trapezoid(T[last:], delta[last:]))
+        slope = (T[20] - T[0]) / (delta[20] - delta[0])
+        assert slope == pytest.approx(1.9e5 + 1e5, rel=0.08 if kind == k.DAHL else 0.03)
+        assert np.max(np.abs(T - 1.9e5 * delta)) <= 10.0 * 1.0001
+    assert area[0] > 0.0
+    assert area[1] == pytest.approx(area[0], rel=1e-3)
+
+
+def test_hysteresis_within_its_yield_angle_is_a_spring():
+    """Before any element slips a Maxwell-slip joint is only stiffer: no loss."""
+    P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-2, HYST_KIND=k.MAXWELL_SLIP)
+    w = math.sqrt((1.9e5 + 1e3) / 3.0)
+    t, out = run(P, S, x=(0, 0, 0, 1e-4 * w), duration=0.5)
+    np.testing.assert_allclose(out[:, k.X_Q], 1e-4 * np.sin(w * t), atol=1e-8)
+
+
+def test_structural_branches_have_a_flat_loss_factor():
+    """Im/Re of the branches' stiffness is eta K/K within 7 % over 0.2 to 5 times the resonance, and storage is K there."""
+    omega = 250.0
+    stiffness, times, storage = branches(0.05, 1.9e5, omega)
+    w = omega * np.geomspace(0.2, 5.0, 41)
+    s = 1j * w[:, None] * times
+    G = (stiffness * s / (1 + s)).sum(axis=1) + 1.9e5 - storage
+    np.testing.assert_allclose(G.imag, 0.05 * 1.9e5, rtol=0.07)
+    at = np.interp(omega, w, G.real)
+    assert at == pytest.approx(1.9e5, rel=1e-4)
+
+
+def test_rate_independent_structural_law_loses_the_same_share_at_any_amplitude():
+    """zeta = eta/2 at 1e-3 and 1e-5 rad alike."""
+    for A in (1e-3, 1e-5):
+        P, S = packed(REID=0.5 * math.pi * 0.04, REID_OMEGA=W0)
+        t, out = run(P, S, x=(0, 0, A, 0), duration=0.6)
+        times, heights = peaks(t, out[:, k.X_Q])
+        zeta = -np.polyfit(times, np.log(heights), 1)[0] / W0
+        assert zeta == pytest.approx(0.02, rel=0.03)
+
+
+def eigenfrequencies(M, Kmat):
+    return np.sort(np.sqrt(np.real(np.linalg.eigvals(np.linalg.solve(M, Kmat))))) / 2 / math.pi
+
+
+def spectrum_peaks(t, x):
+    n = 8 * x.size
+    A = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size), n))
+    f = np.fft.rfftfreq(n, t[1] - t[0])
+    i = np.flatnonzero((A[1:-1] > A[:-2]) & (A[1:-1] > A[2:])) + 1
+    return np.sort(f[i[np.argsort(A[i])[-2:]]])
+
+
+@pytest.mark.parametrize("switch", ["link", "near", "base"])
+def test_further_modes_stand_at_the_eigenfrequencies(switch):
+    w = 2 * math.pi * 95.0
+    K, J = KW["K"], KW["J_L"]
+    if switch == "base":
+        P, S = packed(BASE_SHARE=0.3, BASE_OMEGA=w, BASE_ZETA=0.0)
+        modes(S, k.AT_BASE)
+        J_B = J / 0.3  # beta'' J_B = K q - J_B w^2 beta ; J (q'' + beta'') = -K q
+        expected = eigenfrequencies(np.array([[J, J], [0.0, J_B]]), np.array([[K, 0.0], [-K, J_B * w * w]]))
+    else:
+        J_b = 0.4
+        names = dict(LINK_J=J_b, LINK_OMEGA=w) if switch == "link" else dict(NEAR_J=J_b, NEAR_OMEGA=w)
+        P, S = packed(**names)
+        modes(S, k.AT_LINK if switch == "link" else k.AT_NEAR)
+        expected = eigenfrequencies(np.array([[J, J_b], [J_b, J_b]]), np.array([[K, 0.0], [0.0, J_b * w * w]]))
+    t, out = run(P, S, ul=lambda t: 300.0 * np.exp(-(((t - 0.02) / 0.001) ** 2)), duration=4.0)
+    tail = t > 0.1
+    np.testing.assert_allclose(spectrum_peaks(t[tail], out[tail, k.X_A]), expected, rtol=3e-3)
+
+
+def test_kinematic_error_cancels_in_the_momentum_balance_and_ripple_does_not():
+    """J_M q_s'' + J_L q'' = tau: T_S is internal, whatever it does; ripple is an outside torque."""
+    drive = lambda t: np.full(t.size, 20.0)  # noqa: E731
+    for number, unbalanced in ((dict(N_TE=1), False), (dict(N_RIPPLE=1), True)):
+        P, S = packed(MOTOR=k.MOTOR_FREE, C=50.0, **number)
+        if unbalanced:
+            P[k.RIPPLE_0 : k.RIPPLE_0 + 4] = (2.0, 0.0, 141.0, 0.3)
+        else:
+            P[k.TE_0 : k.TE_0 + 4] = (5e-5, 141.0, 0.0, 0.3)
+        _, out = run(P, S, um=drive, x=(0, 0.2, 0, 0.2))
+        balance = 9.1 * out[:, k.X_AS] + 3.0 * out[:, k.X_A] - 20.0
+        assert (np.abs(balance).max() > 1.0) == unbalanced
+        if not unbalanced:
+            assert np.ptp(out[:, k.X_TS][1000:]) > 1.0  # the error is there all the same
+            assert np.abs(balance).max() < 1e-9
+
+
+def test_load_dependent_friction_differs_by_the_direction_of_power():
+    """Driving, the motor needs (1 + mu) of the load torque; braking, (1 - mu)."""
+    for v0, expected in ((0.5, 1.1), (-0.5, 0.9)):
+        P, S = packed(MOTOR=k.MOTOR_FREE, C=300.0, FM_LOAD=0.1, FRICTION_M=1, G_CONST=40.0)
+        t, out = run(P, S, um=lambda t, e=expected: np.full(t.size, 40.0 * e), x=(40.0 / 1.9e5, v0, 0, v0), duration=0.4)
+        assert out[-1, k.X_VS] == pytest.approx(v0, abs=2e-3)
+
+
+def test_prescribed_load_returns_the_force_that_the_motion_took():
+    """Inverse of forward: the force fed in comes out along the motion that it made."""
+    drive = lambda t: 30.0 * np.sin(2 * np.pi * 1.5 * t)  # noqa: E731
+    P, S = packed(K=0.0, B_L=4.0, FL_PLUS=3.0, FL_MINUS=3.0, FRICTION_L=1)
+    t, out = run(P, S, ul=drive, duration=2.0)
+    Q, R = packed(K=0.0, B_L=4.0, FL_PLUS=3.0, FL_MINUS=3.0, FRICTION_L=1, LOAD_PRESCRIBED=1)
+    half = np.repeat(out, 2, axis=0)[: 2 * len(t) - 1]
+    back = np.zeros_like(out)
+    k.simulate(np.zeros(4), Q, R, half[:, k.X_A].copy(), np.zeros(len(half)), half[:, k.X_Q].copy(),
+               half[:, k.X_V].copy(), 0.0, t[1], back)  # fmt: skip
+    moving = np.abs(out[:, k.X_V]) > 1e-3
+    np.testing.assert_allclose(back[moving, k.X_TEXT], drive(t)[moving], atol=1e-9)
+
+
+def test_observer_follows_the_rigid_body_and_leaves_the_wind_up_alone():
+    """A constant angle offset is forgotten within a second; the wind-up never notices."""
+    w = 2 * math.pi * 3.0
+    P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, OBS_1=1.6 * w, OBS_2=w * w, OBS_QS=1.0)
+    t, out = run(P, S, y=lambda t: np.full(t.size, 0.1))
+    assert out[-1, k.X_QS] == pytest.approx(0.1, abs=1e-6)
+    assert np.abs(out[:, k.X_QS] - out[:, k.X_Q]).max() < 1e-12
