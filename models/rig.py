@@ -61,7 +61,7 @@ def brake(spec: mujoco.MjSpec, angle: float) -> mujoco.MjSpec:
         raise InputError(held.modelname or "model", "joint", "has no joint named 'motor' to brake")
     _turn_children(joint.parent, joint, angle)
     for tendon in [t for t in held.tendons if any(_wraps(wrap, "motor") for wrap in t.path)]:
-        _rewrap(held, tendon)
+        _rewrap(held, tendon, angle)
     for sensor in [s for s in held.sensors if s.objname == "motor" and s.objtype in _LOST_WITH_THE_MOTOR]:
         held.delete(sensor)
     for actuator in [a for a in held.actuators if a.target == "motor" and a.trntype == mujoco.mjtTrn.mjTRN_JOINT]:
@@ -95,12 +95,16 @@ def _wraps(wrap: mujoco.MjsWrap, joint: str) -> bool:
     return bool(wrap.type == mujoco.mjtWrap.mjWRAP_JOINT and wrap.target.name == joint)
 
 
-def _rewrap(spec: mujoco.MjSpec, old: mujoco.MjsTendon) -> None:
-    """Replace a fixed tendon by one that no longer runs over the motor joint."""
+def _rewrap(spec: mujoco.MjSpec, old: mujoco.MjsTendon, angle: float) -> None:
+    """Replace a fixed tendon by one that no longer runs over the motor joint, which stands at ``angle`` [rad]."""
     name = old.name
+    lost = sum(wrap.coef for wrap in old.path if _wraps(wrap, "motor")) * angle
     vectors = {key: np.array(getattr(old, key)) for key in _TENDON_VECTORS}
     scalars = {key: getattr(old, key) for key in _TENDON_SCALARS}
     kept = [(wrap.target.name, wrap.coef) for wrap in old.path if not _wraps(wrap, "motor")]
+    for key in ("springlength", "range"):
+        if not np.all(vectors[key] == (-1.0 if key == "springlength" else 0.0)):  # else left to the compiler
+            vectors[key] = vectors[key] - lost
     spec.delete(old)
     new = spec.add_tendon(name=name)
     for key, value in vectors.items():

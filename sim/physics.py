@@ -7,11 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
+from jointscope.recordings.campaign import Signal
 from jointscope.sim.chain import Chain
+from jointscope.sim.measurement import Clock
 from jointscope.sim.stepping import Actuation, ForceLaw, Trace
+
+Real = NDArray[np.float64]
+
+
+class Record(Protocol):
+    """A recorded input as a function of time."""
+
+    def __call__(self, times: Real, derivative: int = 0) -> Real:
+        """Value in SI, or its time derivative, at ``times`` [s] on the run's clock, same shape."""
 
 
 def _keep_spec(spec: mujoco.MjSpec) -> None:
@@ -27,6 +41,43 @@ def _keep_chain(chain: Chain) -> Chain:
     return chain
 
 
+def _as_recorded(signal: Signal, record: Record) -> Record:
+    del signal
+    return record
+
+
+def _right_clock(signal: Signal) -> Clock:
+    del signal
+    return Clock()
+
+
+def _as_it_is(signal: Signal, values: Real, trace: Trace) -> Real:
+    del signal, trace
+    return values
+
+
+def _all_kept(signal: Signal, samples: Real) -> Real:
+    del signal
+    return samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acquisition:
+    """How a run's instruments stand between the machine and the recording, when a recording is replayed.
+
+    Attributes:
+        acted: What a recorded input stands for: from the record to what acted on the machine.
+        clock: Of the device that records an output.
+        seen: What the sensor of an output makes of ``values`` on the stepping grid, shape (n,), before its coupling.
+        kept: What the device makes of its samples.
+    """
+
+    acted: Callable[[Signal, Record], Record] = _as_recorded
+    clock: Callable[[Signal], Clock] = _right_clock
+    seen: Callable[[Signal, Real, Trace], Real] = _as_it_is
+    kept: Callable[[Signal, Real], Real] = _all_kept
+
+
 @dataclass(frozen=True, kw_only=True)
 class Physics:
     """Additions to the base rig for one take, in the order in which they act.
@@ -38,7 +89,8 @@ class Physics:
             own. Look coordinates up by joint name: a braked model has no joint ``motor``.
         sensed: Changes what the sensors see (``signals``) and what is recorded as input (``inputs``) on the stepping
             grid, before any device samples it.
-        chain: Changes the acquisition devices.
+        chain: Changes the acquisition devices of a simulated bench.
+        acquisition: Changes what a replay takes from and gives to a recording.
     """
 
     edit: Callable[[mujoco.MjSpec], None] = _keep_spec
@@ -46,6 +98,7 @@ class Physics:
     law: Callable[[mujoco.MjModel], ForceLaw] | None = None
     sensed: Callable[[Trace], Trace] = _keep_trace
     chain: Callable[[Chain], Chain] = _keep_chain
+    acquisition: Acquisition = Acquisition()
 
 
 BASE = Physics()

@@ -1,13 +1,15 @@
 """Any campaign's inputs run through an MJCF file: what would this model have recorded?
 
-The model must carry the names of the single-joint rig (``models/rig.py``); bodies, tendons and friction beyond them are
-stepped as they stand in the file, and :class:`Physics` adds what MJCF can't say.
+The model must carry the names of the rig (``models/rig.py``); bodies, tendons and friction beyond them are stepped as
+they stand in the file, and :class:`Physics` adds what MJCF can't say. A single inertia's file has no joint ``motor``:
+there ``reducer`` is the load's own coordinate. Runs start at rest at their arm angle; what a run that began in motion
+(``initial = "estimate"``) shows before its transient has died is not predicted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -15,39 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import InputError, RefusedError
-from jointscope.recordings.bandlimited import bandlimited
-from jointscope.recordings.campaign import Campaign, Channel, Run, Signal, Stream
+from jointscope.recordings.campaign import Campaign, Run
 from jointscope.sim.bench import Setup, holding_command, set_up, take
 from jointscope.sim.measurement import Device
-from jointscope.sim.measurement_sensors import iepe
 from jointscope.sim.physics import BASE, Physics
-from jointscope.sim.stepping import TIMESTEP, Controller, Trace, grid
+from jointscope.sim.replay_inputs import (
+    LoggedLoop,
+    Torque,
+    arm_forces,
+    hammer_radius,
+    logged_torque,
+    record_of,
+    speed_law,
+)
+from jointscope.sim.replay_outputs import ratio, read_output
+from jointscope.sim.stepping import TIMESTEP, Controller, Trace, grid, machine
 
 Real = NDArray[np.float64]
-Torque = Callable[[Real], Real]
 
+__all__ = ["LoggedLoop", "base_run", "logged_torque", "replay", "replay_run"]
 
-@dataclass(frozen=True, kw_only=True)
-class LoggedLoop:
-    """A speed loop closed around the replayed rig: T_e = log + share (law - log).
-
-    law = sat(K_p e + K_i int e dt + J_f w_c' + b_f w_c + T_0), e = w_c - w_m on the motor shaft, T_0 the holding torque.
-
-    Attributes:
-        proportional: K_p [N m s/rad].
-        integral: K_i [N m/rad].
-        acceleration_feedforward: J_f [kg m^2].
-        velocity_feedforward: b_f [N m s/rad].
-        torque_limit: [N m]; infinite where none is known.
-        share: Of the law in the torque; 1 where no torque was logged [-].
-    """
-
-    proportional: float
-    integral: float
-    acceleration_feedforward: float = 0.0
-    velocity_feedforward: float = 0.0
-    torque_limit: float = float("inf")
-    share: float = 0.3
+_ABSOLUTE = ("arm", "end-stop")  # tendons whose length is the load's own coordinate
+MOTOR_ON_LOAD = "motor on load"  # actuator of a single inertia whose motor is rigid with it
+_HELD = ("brake", "brake-with-play", "locked")
 
 
 def base_run(run: Run) -> Physics:
@@ -56,42 +48,23 @@ def base_run(run: Run) -> Physics:
     return BASE
 
 
-def logged_torque(campaign: Campaign, run: Run) -> Torque | None:
-    """T_e on the motor shaft [N m] as a function of time [s], from a torque or q-axis current channel.
-
-    Raises:
-        RefusedError: Only phase currents or a voltage were recorded; they need the caller's own reading.
-    """
-    for signal in run.select("torque", location="motor", role="input"):
-        record = bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)
-        return _scaled(record, 1.0 / _ratio(campaign) if signal.channel.side == "output" else 1.0)
-    for signal in run.select("current", location="motor", role="input"):
-        if campaign.rig.torque_constant is None:
-            raise RefusedError(f"run {run.id!r}: a current without [rig] torque_constant is no torque")
-        record = bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)
-        return _scaled(record, campaign.rig.torque_constant)
-    if run.select("phase-current", role="input") or run.select("voltage", role="input"):
-        raise RefusedError(f"run {run.id!r}: hand replay a motor_torque that reads its currents or voltage")
-    return None
-
-
 def replay(
     campaign: Campaign,
     model: Path | mujoco.MjSpec,
     *,
     loop: LoggedLoop | None = None,
     physics: Callable[[Run], Physics] = base_run,
-    motor_torque: Callable[[Campaign, Run], Torque | None] = logged_torque,
+    motor_torque: Callable[[Campaign, Run], Torque | None] | None = None,
     timestep: float = TIMESTEP,
 ) -> Campaign:
     """Step every run of ``campaign`` through ``model`` and read its output channels, without noise.
 
     Args:
-        campaign: Two-inertia recordings; of them only the inputs, ``brake`` and ``arm_angle`` are read.
+        campaign: Recordings of one joint; of them only the inputs, the hold and ``arm_angle`` are read.
         model: An MJCF file, or the same as MjSpec.
         loop: Closes the drive's speed loop in runs with a speed command; without it the logged torque acts open loop.
         physics: What each run holds beyond the file.
-        motor_torque: Reads a run's motor torque.
+        motor_torque: Reads a run's motor torque; :func:`logged_torque` where none is given.
         timestep: h [s].
 
     Returns:
@@ -101,21 +74,15 @@ def replay(
         InputError: The model lacks a name of the rig.
         RefusedError: The rig or a run is of a kind that is not replayed.
     """
-    if campaign.rig.topology != "two-inertia" or campaign.rig.motion != "rotational":
-        raise RefusedError(
-            f"{campaign.path}: replay steps rotational two-inertia rigs, not {campaign.rig.motion} {campaign.rig.topology}"
-        )
-    spec = _load(model)
-    return replace(
-        campaign,
-        runs=tuple(
-            _replay_run(campaign, run, spec, loop, physics(run), motor_torque(campaign, run), timestep)
-            for run in campaign.runs
-        ),
+    spec = _load(model, single=campaign.rig.topology == "single-dof")
+    runs = tuple(
+        replay_run(campaign, run, spec, physics(run), loop=loop, motor_torque=motor_torque, timestep=timestep)
+        for run in campaign.runs
     )
+    return replace(campaign, runs=runs)
 
 
-def _load(model: Path | mujoco.MjSpec) -> mujoco.MjSpec:
+def _load(model: Path | mujoco.MjSpec, *, single: bool) -> mujoco.MjSpec:
     if isinstance(model, Path):
         try:
             spec = mujoco.MjSpec.from_file(str(model))
@@ -125,71 +92,127 @@ def _load(model: Path | mujoco.MjSpec) -> mujoco.MjSpec:
         spec = model.copy()
     where = model if isinstance(model, Path) else Path(spec.modelname or "model")
     for kind, name, found in (
-        ("joint", "motor", spec.joint("motor")),
+        ("joint", "motor", single or spec.joint("motor")),
         ("joint", "reducer", spec.joint("reducer")),
         ("tendon", "arm", spec.tendon("arm")),
         ("actuator", "motor", spec.actuator("motor")),
         ("site", "hammer", spec.site("hammer")),
         ("site", "accelerometer", spec.site("accelerometer")),
     ):
-        if found is None:
+        if not found:
             raise InputError(
                 where, kind, "the rig's model lacks it", value=name, fix="see models/single_joint.xml"
             )
     return spec
 
 
-def _replay_run(
+def replay_run(
     campaign: Campaign,
     run: Run,
-    spec: mujoco.MjSpec,
-    loop: LoggedLoop | None,
-    physics: Physics,
-    torque: Torque | None,
-    timestep: float,
+    model: Path | mujoco.MjSpec,
+    physics: Physics = BASE,
+    *,
+    loop: LoggedLoop | None = None,
+    motor_torque: Callable[[Campaign, Run], Torque | None] | None = None,
+    timestep: float = TIMESTEP,
 ) -> Run:
-    if run.initial == "estimate":
-        raise RefusedError(f"run {run.id!r}: starts in motion (initial = 'estimate'); replay starts at rest")
-    spec = spec.copy()
+    """One run of :func:`replay`; same arguments, the run's physics at hand."""
+    single = campaign.rig.topology == "single-dof"
+    if campaign.rig.topology == "arm":
+        raise RefusedError(f"{campaign.path}: replay steps one joint, not topology = 'arm'")
+    if run.select("angle", role="input") or run.select("position", role="input"):
+        raise RefusedError(f"run {run.id!r}: its motion is prescribed; replay drives by force, torque or command")
+    spec = _load(model, single=single)
     radii = _instrument(spec, run)
-    setup = set_up(spec, run.arm_angle, timestep, braked=run.brake, physics=physics)
+    if motor_torque is None:
+        torque = logged_torque(campaign, run, physics.acquisition)
+    else:
+        torque = motor_torque(campaign, run)
+    held = _held(campaign, run, driven=torque is not None)
+    setup = _single(spec, campaign, run, held, timestep, physics) if single else set_up(
+        spec, run.arm_angle, timestep, braked=held, physics=physics
+    )  # fmt: skip
     origin = min((stream.start for stream in run.streams), default=0.0)
-    end = max(stream.start + stream.length / stream.sampling_rate for stream in run.streams)
-    devices = {stream.file: Device(sampling_rate=stream.sampling_rate) for stream in run.streams}
-    reach = max(device.reach(timestep) for device in devices.values())
-    times = grid(end - origin + reach, timestep)
+    times = grid(_duration(run, origin, timestep), timestep)
 
-    columns: dict[str, Real | float] = dict(_forces(run, times + origin))
+    columns: dict[str, Real | float] = dict(_loads(setup, run, times + origin, physics))
     controller = None
-    if not run.brake:
+    if single:
+        if torque is not None:
+            columns[MOTOR_ON_LOAD] = torque(times + origin)
+    elif "motor" in setup.machine.inputs:
         hold = holding_command(setup)
         logged = torque(times + origin) if torque is not None else np.full(len(times), hold)
         columns["motor"] = logged
-        controller = _loop(campaign, run, loop, setup, logged, hold, times + origin, has_log=torque is not None)
+        controller = _controller(campaign, run, loop, setup, logged, hold, times + origin, physics, torque)
     trace = physics.sensed(take(setup, columns, len(times), controller))
+    return _with_outputs(campaign, run, trace, radii, origin, physics)
 
-    streams = []
-    for stream in run.streams:
-        channels = tuple(
-            replace(channel, samples=_read(campaign, stream, channel, trace, devices[stream.file], radii, origin))
-            if channel.role == "output" and channel.quantity != "frf"
-            else channel
-            for channel in stream.channels
-        )
-        streams.append(replace(stream, channels=channels))
-    return replace(run, streams=tuple(streams))
+
+def _held(campaign: Campaign, run: Run, *, driven: bool) -> bool:
+    """Whether the motor stands still: a brake, or a drive of which nothing was recorded."""
+    hold = run.hold.get("", "drive")
+    if run.brake or hold in _HELD:
+        return True
+    if driven or hold == "free" or campaign.rig.topology != "two-inertia":
+        return False
+    moved = any(
+        s.channel.quantity in ("angle", "angular-velocity") and s.channel.location in ("motor", "arm")
+        for s in run.select(role="output")
+    )
+    return not moved and not run.select("speed-command", role="input")
+
+
+def _single(
+    spec: mujoco.MjSpec, campaign: Campaign, run: Run, held: bool, timestep: float, physics: Physics
+) -> Setup:
+    """A single inertia at rest at its angle: on its spring, which then is relaxed by its weight alone, or free."""
+    spring = campaign.rig.ground_spring if campaign.rig.ground_spring is not None else held
+    spec.actuator("motor").name = MOTOR_ON_LOAD
+    if spring:
+        reducer = spec.joint("reducer")
+        reducer.parent.add_joint(name="motor", type=reducer.type, axis=list(reducer.axis))
+        for tendon in spec.tendons:
+            if tendon.name.startswith(_ABSOLUTE):
+                tendon.wrap_joint("motor", 1.0)
+        spec.add_actuator(name="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="motor")  # the ground's reaction
+        return set_up(spec, run.arm_angle, timestep, braked=True, physics=physics)
+    physics.edit(spec)
+    spec.joint("reducer").stiffness[:] = 0.0
+    spec.joint("reducer").damping[:] = 0.0
+    for name in ("reducer spring", "reducer low-torque spring"):
+        if spec.tendon(name) is not None:
+            spec.tendon(name).stiffness[:] = 0.0
+    free = machine(spec, timestep)
+    start = np.zeros(free.model.nq)
+    start[free.model.joint("reducer").qposadr[0]] = run.arm_angle
+    return Setup(free, start, 0.0, 0.0, physics)
+
+
+def _duration(run: Run, origin: float, timestep: float) -> float:
+    """How long to simulate [s], so that every device's filter has its other half."""
+    end = max(stream.start + stream.length / stream.sampling_rate for stream in run.streams)
+    reach = max(Device(sampling_rate=stream.sampling_rate).reach(timestep) for stream in run.streams)
+    return end - origin + reach
+
+
+def _loads(setup: Setup, run: Run, times: Real, physics: Physics) -> dict[str, Real]:
+    """Hammer and torque on the arm by actuator, and the hammer's work on a bending mode."""
+    hammer, torque = arm_forces(run, times, physics.acquisition)
+    columns = {"hammer": hammer, "arm torque": torque}
+    if "link torque" in setup.machine.inputs:
+        columns["link torque"] = hammer * (hammer_radius(run) or 0.0) + torque
+    return columns
 
 
 def _instrument(spec: mujoco.MjSpec, run: Run) -> dict[float, str]:
     """Put the hammer, an accelerometer per radius and an external arm torque where the run has them."""
     arm_torque = spec.add_actuator(name="arm torque", trntype=mujoco.mjtTrn.mjTRN_TENDON, target="arm")
     arm_torque.gear[0] = 1.0
-    forces = [s.channel.radius for s in run.select("force", role="input") if s.channel.radius is not None]
-    if len(set(forces)) > 1:
-        raise RefusedError(f"run {run.id!r}: forces at {len(set(forces))} radii; replay drives one")
-    if forces:
+    radius = hammer_radius(run)
+    if radius is not None:
         site = spec.site("hammer")
-        site.pos = np.array(site.pos) * forces[0] / np.linalg.norm(site.pos)
+        site.pos = np.array(site.pos) * radius / np.linalg.norm(site.pos)
     mounted = spec.site("accelerometer")
     radii: dict[float, str] = {}
     for signal in run.select("linear-acceleration", role="output", recorded=False):
@@ -206,26 +229,7 @@ def _instrument(spec: mujoco.MjSpec, run: Run) -> dict[float, str]:
     return radii
 
 
-def _forces(run: Run, times: Real) -> dict[str, Real]:
-    columns: dict[str, Real] = {}
-    for name, quantity in (("hammer", "force"), ("arm torque", "torque")):
-        signals = [
-            s for s in run.select(role="input") if s.channel.quantity == quantity and s.channel.location != "motor"
-        ]
-        if signals:
-            columns[name] = np.sum([_record(signal, times) for signal in signals], axis=0)
-    return columns
-
-
-def _record(signal: Signal, times: Real) -> Real:
-    return bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)(times)
-
-
-def _scaled(record: Torque, factor: float) -> Torque:
-    return lambda times: factor * record(times)
-
-
-def _loop(
+def _controller(
     campaign: Campaign,
     run: Run,
     loop: LoggedLoop | None,
@@ -233,87 +237,45 @@ def _loop(
     logged: Real,
     hold: float,
     times: Real,
-    *,
-    has_log: bool,
+    physics: Physics,
+    torque: Torque | None,
 ) -> Controller | None:
     commands = run.select("speed-command", role="input")
-    if loop is None or not commands:
-        if commands and not has_log:
+    if loop is None or not commands or "motor" not in setup.machine.inputs:
+        if commands and torque is None:
             raise RefusedError(f"run {run.id!r}: a speed command without torque needs the drive's law (loop)")
         return None
-    record = bandlimited(commands[0].samples, commands[0].sampling_rate, commands[0].stream.start)
-    return _law(loop, setup, logged, hold, record(times), record(times, 1), _ratio(campaign), has_log=has_log)
+    record = physics.acquisition.acted(commands[0], record_of(commands[0]))
+    command, rate = record(times), record(times, 1)
+    return speed_law(
+        loop,
+        logged,
+        command,
+        rate,
+        ratio=ratio(campaign),
+        motor_angle=setup.motor_angle,
+        first=float(logged[0]) if torque is not None else hold,
+        share=loop.share if torque is not None else 1.0,
+        timestep=setup.machine.timestep,
+    )
 
 
-def _law(
-    loop: LoggedLoop,
-    setup: Setup,
-    logged: Real,
-    hold: float,
-    command: Real,
-    rate: Real,
-    ratio: float,
-    *,
-    has_log: bool,
-) -> Controller:
-    h = setup.machine.timestep
-    share = loop.share if has_log else 1.0
-    feedforward = loop.acceleration_feedforward * rate + loop.velocity_feedforward * command
-    last, integrator, k = setup.motor_angle, hold, 0
-
-    def control(t: float, motor_angle: float) -> float:
-        nonlocal last, integrator, k
-        now = min(k, len(logged) - 1)
-        k += 1
-        error = command[now] - ratio * (motor_angle - last) / h
-        last = motor_angle
-        asked = loop.proportional * error + integrator + feedforward[now]
-        torque = min(max(asked, -loop.torque_limit), loop.torque_limit)
-        if torque == asked or (asked - torque) * error < 0.0:
-            integrator += loop.integral * error * h
-        return float(logged[now] + share * (torque - logged[now]))
-
-    return control
-
-
-def _read(
-    campaign: Campaign,
-    stream: Stream,
-    channel: Channel,
-    trace: Trace,
-    device: Device,
-    radii: dict[float, str],
-    origin: float,
-) -> Real:
-    """Ideal samples of one output channel."""
-    h, signals = trace.timestep, trace.signals
-    at_motor = channel.location == "motor"
-    if channel.quantity == "linear-acceleration" and channel.radius in radii:
-        values = signals[radii[channel.radius]][:, 2 if channel.direction == "tangential" else 0]
-    elif channel.quantity in ("angle", "angular-velocity", "angular-acceleration") and channel.location in (
-        "motor",
-        "arm",
-    ):
-        kind = {"angle": "angle", "angular-velocity": "speed", "angular-acceleration": "acceleration"}[
-            channel.quantity
-        ]
-        name = f"{channel.location} {kind}"
-        values = signals.get(name, np.zeros(len(trace.times)))  # a braked motor stands still
-        values = values * _ratio(campaign) if at_motor else values
-    elif channel.quantity == "torque" and at_motor and "motor" in trace.inputs:
-        values = trace.inputs["motor"] * (_ratio(campaign) if channel.side == "output" else 1.0)
-    else:
-        raise RefusedError(
-            f"{stream.file}: {channel.column!r} is a {channel.quantity} at {channel.location}, which replay does not read"
+def _with_outputs(
+    campaign: Campaign, run: Run, trace: Trace, radii: dict[float, str], origin: float, physics: Physics
+) -> Run:
+    read = {
+        id(signal.channel): read_output(campaign, run, signal, trace, radii, origin, physics.acquisition)
+        for signal in run.select(role="output", recorded=False)
+        if signal.channel.quantity != "frf" and signal.channel.location not in ("base", "neighbour")
+    }
+    streams = tuple(
+        replace(
+            stream,
+            channels=tuple(
+                replace(channel, samples=read[id(channel)]) if id(channel) in read else channel
+                for channel in stream.channels
+            ),
         )
-    if channel.coupling == "ac":
-        values = iepe(values, h, channel.low_cutoff) if channel.low_cutoff else values - values[0]
-    samples = device.sample(values, h, stream.times - origin)
-    samples.setflags(write=False)
-    return samples
-
-
-def _ratio(campaign: Campaign) -> float:
-    if campaign.rig.reduction_ratio is None:
-        raise RefusedError(f"{campaign.path}: [rig] reduction_ratio is needed to replay motor channels")
-    return campaign.rig.reduction_ratio
+        for stream in run.streams
+    )
+    return replace(run, streams=streams)

@@ -137,13 +137,29 @@ def step(machine: Machine, start: Real, inputs: Real, law: ForceLaw | None = Non
     """
     if law is not None:
         return march(machine, start, inputs, law=law)
-    data = mujoco.MjData(machine.model)
-    data.qpos[:] = start
+    data = at_rest(machine.model, start)
     state = np.empty(mujoco.mj_stateSize(machine.model, _FULL_STATE))
     mujoco.mj_getState(machine.model, data, state, _FULL_STATE)
     padded = np.concatenate([inputs, inputs[-1:]])  # one step more: a velocity is centred by its successor
     _, sensors = rollout.rollout(machine.model, data, state[np.newaxis], padded[np.newaxis])
     return read_out(machine, inputs, sensors[0])
+
+
+def at_rest(model: mujoco.MjModel, start: Real) -> mujoco.MjData:
+    """Fresh data at angles ``start`` [rad], shape (nq,), with every tendon that yields relaxed there."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = start
+    if model.nplastic:
+        mujoco.mj_fwdPosition(model, data)
+        relax(model, data)
+    return data
+
+
+def relax(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let every tendon that yields rest where it is; its length must be up to date."""
+    for tendon in np.flatnonzero(model.tendon_springyield > 0.0):
+        first = model.tendon_plasticadr[tendon]
+        data.plastic[first : first + 2] = data.ten_length[tendon] - model.tendon_lengthspring[tendon]
 
 
 def march(
@@ -166,8 +182,7 @@ def march(
         law: Forces beyond the model; it is given speeds at t_k, extrapolated from t_k - h/2 with the last acceleration.
     """
     model, h = machine.model, machine.timestep
-    data = mujoco.MjData(model)
-    data.qpos[:] = start
+    data = at_rest(model, start)
     n = len(inputs)
     commanded = np.concatenate([inputs, inputs[-1:]])
     motor = machine.inputs.get("motor", -1)

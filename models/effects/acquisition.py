@@ -1,0 +1,61 @@
+r"""What the instruments do: nothing of it is in the machine, so all of it is description.
+
+delay > 0: the device that is not the DAQ stamps late; ppm > 0: its clock runs fast; gain: true over stated.
+"""
+
+from __future__ import annotations
+
+from jointscope.models.effects.building import Building, Parameters
+
+
+def delay(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """One device's stamps are late."""
+    building.law("delay", delay=p["delay"])
+    return ""
+
+
+def clock_drift(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """One device's clock runs fast."""
+    building.law("clock-drift", ppm=p["ppm"])
+    return ""
+
+
+def tilt(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """The accelerometer's axis is off tangential."""
+    building.law("sensor-tilt", angle=p["angle"])
+    return ""
+
+
+def resonance(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """The accelerometer's mount resonates, or its bandwidth ends."""
+    if variant == "bandwidth" or "damping" not in p:
+        building.law("sensor-bandwidth", frequency=p["frequency"])
+    else:
+        building.law("sensor-resonance", frequency=p["frequency"], damping=p["damping"])
+    return ""
+
+
+def saturation(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """The accelerometer clips."""
+    building.law("sensor-saturation", level=p["level"])
+    return ""
+
+
+def sensitivity(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """Accelerometer or force cell off."""
+    building.law("force-gain" if variant == "force" else "accelerometer-gain", gain=p["gain"])
+    return ""
+
+
+def torque_log(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """The log is held, averaged or thinned out at its own rate."""
+    building.law("torque-log", rate=p["rate"], form=variant)
+    return ""
+
+
+def vibration(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """A disturbance from outside; its phase in a run is another in each, so it must be given to replay."""
+    building.law(
+        "external-vibration", frequency=p["frequency"], amplitude=p["amplitude"], mount=variant == "mount"
+    )
+    return ""

@@ -1,0 +1,49 @@
+r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damping; levels that change are laws.
+
+T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
+[T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
+"""
+
+from __future__ import annotations
+
+from jointscope.models.effects.building import Building, Parameters
+
+
+def coulomb(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """T (1 +- asymmetry) against the motion."""
+    torque, asymmetry = p["torque"], p.get("asymmetry", 0.0)
+    building.rub(location, torque, asymmetry * torque)
+    return f"frictionloss of {_element(location)}" + (", constant torque" if asymmetry else "")
+
+
+def stribeck(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """Breakaway above the sliding friction, falling with speed."""
+    torque = p["torque"]
+    building.rub(location, torque)
+    building.law(
+        "friction-level",
+        at=location,
+        excess=max(p["breakaway"] - torque, 0.0),
+        speed=p["stribeck_velocity"],
+        exponent=1.0 if variant == "exponential" else 2.0,
+        share=0.0,
+    )
+    return f"frictionloss of {_element(location)} for the sliding part"
+
+
+def load_dependent(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """mu |T_S| against the motion of one side."""
+    at = "load" if variant == "output-side" or building.single else "motor"
+    building.rub(at, 0.0)
+    building.law("friction-level", at=at, excess=0.0, speed=1.0, exponent=2.0, share=p["coefficient"])
+    return f"a trace of frictionloss on {_element(at)}, which the law renews"
+
+
+def quadratic(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """c_q w |w| on the arm."""
+    building.spec.tendon("arm").damping[1] += p["coefficient"]
+    return "second damping coefficient of tendon arm"
+
+
+def _element(location: str) -> str:
+    return "joint motor" if location == "motor" else "tendon arm"

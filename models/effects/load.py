@@ -1,0 +1,26 @@
+r"""On the arm: its weight by the place of its centre of mass, a stop by a one-sided tendon, inertia that changes by run."""
+
+from __future__ import annotations
+
+import cmath
+
+from jointscope.models.effects.building import Building, Parameters
+
+
+def gravity(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """-M cos(q + phase); a constant force on a rig that slides."""
+    building.weight += p["moment"] * cmath.exp(1j * p.get("phase", 0.0))
+    return "actuator 'weight'" if building.translational else "mass and centre of mass of body arm"
+
+
+def end_stop(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """k (q - angle)+ on the upper or the lower side."""
+    side = -1.0 if variant == "lower" else 1.0
+    building.add_stop(side, p["angle"], p["stiffness"])
+    return "springlength of tendon 'end-stop " + ("upper'" if side > 0.0 else "lower'")
+
+
+def payload(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """J_L + inertia in the runs that carry it; the file holds the unloaded arm."""
+    building.law("payload", inertia=p["inertia"])
+    return ""

@@ -1,0 +1,60 @@
+r"""Further modes as bodies: a part of the arm's inertia on its own spring, or a mount that turns under the joint.
+
+J_p (q'' + p'' + 2 zeta w p' + w^2 p) = phi_h T_ext, J_p out of J_L; the sensor reads q'' + phi_s p''
+J_b (b'' + 2 zeta w b' + w^2 b) = -T_S, J_b = J_L / share; the arm turns by q + b, its encoders see q
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+
+from jointscope.models.effects.building import Building, Parameters
+
+
+def link(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """The arm bends; hammer and accelerometer ride on the mode by their shapes."""
+    inertia = min(p["inertia"], 0.95 * building.inertia)
+    share = math.sqrt(inertia / building.inertia)
+    hit = p.get("hit_shape", p.get("shape", 0.0)) * share
+    sensed = p.get("sensor_shape", p.get("shape", 0.0)) * share
+    _on_the_arm(building, "link", inertia, p)
+    if hit != 0.0:  # the part of the hammer's torque that works on the mode; replay drives it
+        push = building.spec.add_actuator(name="link torque", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="link")
+        push.gear[0] = hit
+    if sensed != 0.0:
+        building.law("link-sensor", shape=sensed)
+    return "body, joint" + (" and actuator" if hit else "") + " 'link'"
+
+
+def neighbour(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """A neighbour's inertia on its own spring, which neither hammer nor accelerometer touches."""
+    _on_the_arm(building, "neighbour", min(p["modal_share"], 0.95) * building.inertia, p)
+    return "body and joint 'neighbour'"
+
+
+def mount(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """The mount turns under the joint's reaction."""
+    inertia = building.inertia / p["modal_share"]
+    joint = building.add_joint(building.spec.body("motor"), "base")
+    joint.armature = inertia
+    _spring(joint, inertia, p)
+    return "joint 'base'"
+
+
+def _on_the_arm(building: Building, name: str, inertia: float, p: Parameters) -> None:
+    body = building.spec.body("arm").add_body(name=name)
+    if building.translational:
+        body.mass, body.inertia = inertia, [inertia, inertia, inertia]
+    else:
+        body.mass, body.inertia = 1e-9, [inertia, inertia, inertia]
+    body.ipos, body.explicitinertial = [0.0, 0.0, 0.0], True
+    building.taken += inertia
+    _spring(building.add_joint(body, name), inertia, p)
+
+
+def _spring(joint: mujoco.MjsJoint, inertia: float, p: Parameters) -> None:
+    omega = 2.0 * math.pi * p["frequency"]
+    joint.stiffness[0] = inertia * omega**2
+    joint.damping[0] = 2.0 * p["damping"] * omega * inertia

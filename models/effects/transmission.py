@@ -1,0 +1,90 @@
+r"""The transmission's torque: play, polynomial and piecewise springs natively; memory and kinematic error as laws.
+
+Play is a fixed tendon over the reducer with a two-valued springlength (a dead band without a further coordinate);
+Maxwell-slip elements are parallel tendons with springyield. Signs: x = -Delta.
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointscope.models.effects.building import Building, Parameters
+
+SLIP_LEVELS = (0.4, 0.8, 1.2, 1.6)  # yield angles of four equal elements over the loop's own angle; they sum to 4
+BRANCHES = 5
+SPACING = 4.0  # of the branches' relaxation times: the loss factor is flat within 3 % over two decades
+TURNING = 0.05  # of the speed amplitude at resonance, over which the rate-independent damping turns round
+
+
+def backlash(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """Lost motion ``gap`` in total; ``centre`` in half gaps; the damper acts in contact only, or always ("damped")."""
+    building.gap = p["gap"]
+    building.centre = 0.5 * p["gap"] * p.get("centre", 0.0)
+    building.gap_damping = 1.0 if variant == "damped" else 0.0
+    return "springlength of tendon 'reducer spring'"
+
+
+def nonlinear_stiffness(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """K Delta + k_2 Delta^2 + k_3 Delta^3, or a share of K missing within +-transition_angle."""
+    if variant == "piecewise" or "soft_share" in p:
+        building.soft = p["soft_share"] * building.stiffness
+        building.soft_angle = p["transition_angle"]
+        return "tendon 'reducer low-torque spring'"
+    building.cubic += p["cubic"]
+    building.quadratic += p.get("quadratic", 0.0)
+    return "stiffness polynomial of the reducer"
+
+
+def hysteresis(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """K Delta + T z, initial slope K + stiffness; z unloaded where the run begins."""
+    torque, angle = p["torque"], max(p["torque"] / p["stiffness"], 1e-15)
+    if variant != "maxwell-slip":
+        building.law("hysteresis", form="dahl" if variant == "dahl" else "bouc-wen", torque=torque, angle=angle)
+        return ""
+    for number, level in enumerate(SLIP_LEVELS, 1):
+        slip = building.spec.add_tendon(name=f"slip {number}")
+        slip.wrap_joint("reducer", 1.0)
+        slip.stiffness[0] = torque / (len(SLIP_LEVELS) * angle)
+        slip.springyield = level * angle
+    return "springyield of four parallel tendons"
+
+
+def structural(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """K (1 + i eta) about the resonance: five relaxation branches, or pi eta/2 K |Delta| sgn(Delta')."""
+    omega = building.resonance
+    if variant == "rate-independent":
+        building.law(
+            "rate-independent-damping",
+            coefficient=0.5 * math.pi * p["loss_factor"] * building.stiffness,
+            turning=TURNING * omega,
+        )
+        return ""
+    times = [SPACING ** (i - (BRANCHES - 1) / 2.0) / omega for i in range(BRANCHES)]
+    loss = sum(omega * t / (1.0 + (omega * t) ** 2) for t in times)
+    storage = sum((omega * t) ** 2 / (1.0 + (omega * t) ** 2) for t in times)
+    each = p["loss_factor"] * building.stiffness / loss
+    building.stiffness -= each * storage  # the branches carry it at the resonance
+    building.law("relaxation", stiffness=each, times=times)
+    return "stiffness of the reducer, less what the branches store"
+
+
+def drift(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """K (1 + rate t) within a run, or K (1 + rate k) from run to run."""
+    if variant == "per-run":
+        building.law("stiffness-per-run", rate=p["rate"])
+    else:
+        building.law("stiffness-drift", rate=p["rate"])
+    return ""
+
+
+def kinematic_error(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """Delta = q_s + a sin(order angle + phase) - q."""
+    per_output = variant == "output-order"
+    building.law(
+        "transmission-error",
+        amplitude=p["amplitude"],
+        per_motor=0.0 if per_output else p["order"] * building.ratio,
+        per_load=p["order"] if per_output else 0.0,
+        phase=p["phase"],
+    )
+    return ""

@@ -1,0 +1,113 @@
+"""The entries of ``effects.json`` sorted by where they act, for each run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from jointscope.errors import InputError
+from jointscope.recordings.campaign import Run
+from jointscope.sim.effects.instruments import INSTRUMENTS, instruments
+from jointscope.sim.effects.joint_law import MECHANICS, Frame, joint_law
+from jointscope.sim.physics import Physics
+from jointscope.sim.replay_inputs import LoggedLoop
+
+Law = Mapping[str, Any]
+
+EDITS = ("payload", "stiffness-per-run", "cogging")
+_SPRING_TENDONS = ("reducer spring",)
+
+
+def physics_of(description: Mapping[str, Any]) -> Callable[[Run], Physics]:
+    """What each run holds beyond ``augmented.xml``.
+
+    Args:
+        description: Content of ``effects.json`` (format ``jointscope-effects/1``).
+
+    Returns:
+        A function of a run, for :func:`jointscope.sim.replay.replay`.
+
+    Raises:
+        InputError: The description holds a law of an unknown kind.
+    """
+    laws: list[Law] = list(description.get("laws", []))
+    for law in laws:
+        if law["kind"] not in (*EDITS, *INSTRUMENTS, *MECHANICS):
+            raise InputError("effects.json", "laws", "is of an unknown kind", value=law["kind"])
+    rig, spring = description["rig"], description["spring"]
+    offset = float(description.get("torque_offset", 0.0))
+
+    def of(run: Run) -> Physics:
+        edits = [law for law in laws if law["kind"] in EDITS]
+        factor = 1.0 + sum(law["rate"] * weight(law, run) for law in edits if law["kind"] == "stiffness-per-run")
+        frame = Frame(
+            arm_angle=run.arm_angle,
+            origin=min((stream.start for stream in run.streams), default=0.0),
+            motor_zero=motor_zero(run, rig["reduction_ratio"]),
+            run=run.id,
+        )
+        mechanical = [law for law in laws if law["kind"] in MECHANICS]
+        law, actuation = joint_law(mechanical, {**spring, "stiffness": spring["stiffness"] * factor}, frame)
+
+        def edit(spec: mujoco.MjSpec) -> None:
+            for entry in edits:
+                _edit(spec, entry, run, frame)
+
+        return Physics(
+            edit=edit,
+            law=law,
+            actuation=actuation,
+            acquisition=instruments([law for law in laws if law["kind"] in INSTRUMENTS], run, rig, offset),
+        )
+
+    return of
+
+
+def loop_of(numbers: Mapping[str, Any] | None) -> LoggedLoop | None:
+    """The drive's loop from the ``drive`` of a description."""
+    if numbers is None:
+        return None
+    limit = numbers["torque_limit"]
+    return LoggedLoop(**{**numbers, "torque_limit": float("inf") if limit is None else limit})
+
+
+def weight(law: Law, run: Run) -> float:
+    """By how much an effect that differs between runs acts in this one; 0 in a run it does not name."""
+    return float(law.get("runs", {}).get(run.id, 0.0))
+
+
+def motor_zero(run: Run, ratio: float) -> float:
+    """What the encoder counted at the start, at the output, less the run's arm angle [rad]; 0 without an encoder."""
+    for quantity in ("angle", "position"):
+        for signal in run.select(quantity, location="motor"):
+            samples = signal.samples[np.isfinite(signal.samples)]
+            if samples.size:
+                return float(np.median(samples[:8])) / ratio - run.arm_angle
+    return 0.0
+
+
+def _edit(spec: mujoco.MjSpec, law: Law, run: Run, frame: Frame) -> None:
+    if law["kind"] == "cogging":
+        actuator = spec.actuator(law["actuator"])
+        if actuator is not None:  # its phase counts from the encoder's zero, the model's from the horizontal
+            actuator.biasprm[2] = law["phase"] + law["per_motor"] * frame.motor_zero
+    elif law["kind"] == "payload":
+        _load(spec, law["inertia"] * weight(law, run))
+    else:
+        factor = max(1.0 + law["rate"] * weight(law, run), 0.05)
+        elements = [spec.joint("reducer"), *(spec.tendon(name) for name in _SPRING_TENDONS)]
+        for element in elements:
+            if element is not None:
+                element.stiffness[0] *= factor
+
+
+def _load(spec: mujoco.MjSpec, inertia: float) -> None:
+    """Inertia [kg m^2 or kg] without weight on the arm."""
+    arm = spec.body("arm")
+    if spec.joint("reducer").type == mujoco.mjtJoint.mjJNT_SLIDE:
+        arm.mass = max(arm.mass + inertia, 1e-9)
+        return
+    arm.inertia = np.maximum(np.array(arm.inertia) + np.array([0.1, 1.0, 1.0]) * inertia, 1e-12)

@@ -1,0 +1,180 @@
+r"""The instruments' faults: inputs as the machine felt them, outputs as the faulty device wrote them down.
+
+what happened at t is stamped (1 + ppm 1e-6) t + delay by the device that is not the DAQ
+accelerometer: cos(tilt) tangential + sin(tilt) radial, times its gain, through its mount, clipped
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from jointscope.models.parameters import STANDARD_GRAVITY
+from jointscope.recordings.bandlimited import bandlimited
+from jointscope.recordings.campaign import Run, Signal
+from jointscope.sim.effects.torque_log import relogged
+from jointscope.sim.measurement import Clock
+from jointscope.sim.physics import Acquisition, Record
+from jointscope.sim.stepping import Trace
+
+Real = NDArray[np.float64]
+Law = Mapping[str, Any]
+
+INSTRUMENTS = (  # in the order in which a signal passes them
+    "link-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth", "sensor-saturation",
+    "delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
+)  # fmt: skip
+ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
+_MOTOR_TORQUES = ("torque", "current", "phase-current", "voltage", "force")
+
+
+def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_offset: float = 0.0) -> Acquisition:
+    """The acquisition of one run.
+
+    Args:
+        laws: Entries of ``effects.json`` whose kind is in ``INSTRUMENTS``.
+        run: The run.
+        rig: The description's ``rig``.
+        torque_offset: What the logged motor torque lacks, on the motor shaft [N m or the log's unit].
+    """
+    late = Clock(
+        delay=sum(float(law["delay"]) for law in laws if law["kind"] == "delay"),
+        ppm=sum(float(law["ppm"]) for law in laws if law["kind"] == "clock-drift"),
+    )
+    daq = daq_of(run)
+    vertical = rig["plane"] == "vertical" and rig["motion"] == "rotational"
+
+    def clock(signal: Signal) -> Clock:
+        return Clock() if signal.device == daq else late
+
+    def acted(signal: Signal, record: Record) -> Record:
+        at_motor = signal.channel.location == "motor" and signal.channel.quantity in _MOTOR_TORQUES
+        if not at_motor and signal.channel.quantity in ("force", "torque"):
+            gain = math.prod(float(law["gain"]) for law in laws if law["kind"] == "force-gain")
+            return _scaled(_contact_only(signal, record, run), 1.0 / gain)
+        for law in laws:
+            if at_motor and law["kind"] == "torque-log":
+                samples = relogged(record(signal.times), signal.sampling_rate, law["rate"], law["form"])
+                record = bandlimited(samples, signal.sampling_rate, signal.stream.start)
+        record = _shifted(record, clock(signal))
+        if at_motor:
+            for law in laws:
+                if law["kind"] == "drive-lag":
+                    record = _lagged(record, float(law["time_constant"]))
+            record = _raised(record, torque_offset)
+        return record
+
+    def seen(signal: Signal, values: Real, trace: Trace) -> Real:
+        if signal.channel.quantity not in ACCELERATIONS:
+            return values
+        for law in sorted(laws, key=lambda law: INSTRUMENTS.index(law["kind"])):
+            values = _through(law, signal, values, trace, STANDARD_GRAVITY if vertical else 0.0)
+        return values
+
+    def kept(signal: Signal, samples: Real) -> Real:
+        if signal.channel.quantity in ACCELERATIONS:
+            for law in laws:
+                if law["kind"] == "sensor-saturation":
+                    samples = np.clip(samples, -law["level"], law["level"])
+        return samples
+
+    return Acquisition(acted=acted, clock=clock, seen=seen, kept=kept)
+
+
+def daq_of(run: Run) -> int:
+    """The device that samples the mechanics: with the accelerometers, else with the hammer, else the fastest."""
+    for wanted in (ACCELERATIONS, ("force",)):
+        for signal in run.signals:
+            if signal.channel.quantity in wanted and signal.channel.location != "motor":
+                return signal.device
+    return int(np.argmax([stream.sampling_rate for stream in run.streams]))
+
+
+def _scaled(record: Record, factor: float) -> Record:
+    return lambda times, derivative=0: factor * record(times, derivative)
+
+
+def _raised(record: Record, offset: float) -> Record:
+    return lambda times, derivative=0: record(times, derivative) + (0.0 if derivative else offset)
+
+
+def _shifted(record: Record, clock: Clock) -> Record:
+    if clock == Clock():
+        return record
+    rate = 1.0 + 1e-6 * clock.ppm
+    return lambda times, derivative=0: rate**derivative * record(rate * times + clock.delay, derivative)
+
+
+def _lagged(record: Record, time_constant: float) -> Record:
+    """1/(1 + s tau) on a uniform grid, exact between straight lines, settled at the first value."""
+
+    def lagged(times: Real, derivative: int = 0) -> Real:
+        u = record(times, derivative)
+        steps = time_constant * (len(times) - 1) / float(times[-1] - times[0])
+        kept = math.exp(-1.0 / steps)
+        now = 1.0 - steps * (1.0 - kept)
+        return np.asarray(u[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], u - u[0]), dtype=np.float64)
+
+    return lagged
+
+
+_CONTACT_SHARE, _CONTACT_NOISE, _CONTACT_MARGIN, _LONGEST_CONTACT = 0.005, 6.0, 0.008, 0.25
+
+
+def _contact_only(signal: Signal, record: Record, run: Run) -> Record:
+    """A hammer pushes in contact only: elsewhere its cell's noise is no force. Other forces stay as they are."""
+    samples = signal.samples
+    if run.experiment != "hammer" or signal.channel.quantity != "force" or samples.size < 64:
+        return record
+    finite = samples[np.isfinite(samples)]
+    rest = float(np.median(finite))
+    noise = 1.4826 * float(np.median(np.abs(finite - rest)))
+    size = np.abs(np.nan_to_num(samples - rest))
+    touching = size > max(_CONTACT_NOISE * noise, _CONTACT_SHARE * float(size.max()))
+    if not touching.any() or touching.mean() > _LONGEST_CONTACT:
+        return record
+    margin = max(2, round(_CONTACT_MARGIN * signal.sampling_rate))
+    touching = np.convolve(touching, np.ones(2 * margin + 1), mode="same") > 0.5
+    return bandlimited(np.where(touching, samples - rest, 0.0), signal.sampling_rate, signal.stream.start)
+
+
+def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: float) -> Real:
+    """One law's share in what an accelerometer sees."""
+    kind, channel, h = law["kind"], signal.channel, trace.timestep
+    if kind == "accelerometer-gain":
+        return law["gain"] * values
+    if kind == "sensor-resonance":
+        return _mount(values, law["frequency"], law["damping"], h)
+    if kind == "sensor-bandwidth":
+        return _bandwidth(values, law["frequency"], h)
+    if channel.location == "motor":
+        return values
+    radius = channel.radius or 1.0
+    if kind == "link-sensor" and channel.direction == "tangential":
+        scale = radius if channel.quantity == "linear-acceleration" else 1.0
+        return values + law["shape"] * scale * trace.signals["link acceleration"]
+    if kind == "sensor-tilt" and channel.quantity == "linear-acceleration":
+        q, v = trace.signals["arm angle"], trace.signals["arm speed"]
+        cos, sin = math.cos(law["angle"]), math.sin(law["angle"])
+        if channel.direction == "radial":
+            return cos * values - sin * (radius * trace.signals["arm acceleration"] + gravity * np.cos(q))
+        return cos * values + sin * (gravity * np.sin(q) - radius * v**2)
+    return values
+
+
+def _mount(values: Real, frequency: float, damping: float, timestep: float) -> Real:
+    """w^2/(s^2 + 2 zeta w s + w^2), bilinear and prewarped, settled at the first value."""
+    k = math.tan(math.pi * min(frequency * timestep, 0.45))
+    a = np.array([1.0 + 2.0 * damping * k + k * k, 2.0 * (k * k - 1.0), 1.0 - 2.0 * damping * k + k * k])
+    return np.asarray(values[0] + lfilter(k * k * np.array([1.0, 2.0, 1.0]), a, values - values[0]))
+
+
+def _bandwidth(values: Real, frequency: float, timestep: float) -> Real:
+    """1/(1 + s/w), bilinear and prewarped, settled at the first value."""
+    k = math.tan(math.pi * min(frequency * timestep, 0.45))
+    return np.asarray(values[0] + lfilter([k, k], [1.0 + k, k - 1.0], values - values[0]))

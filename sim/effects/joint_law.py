@@ -1,0 +1,182 @@
+r"""One force law for a run: what the transmission, the motor and the arm feel beyond the MJCF.
+
+reducer coordinate x = q - q_s:  T_S(Delta) + memories - what the MJCF's own spring gives
+motor:                           ripple in proportion to the torque
+dry friction:                    its level renewed before each step (excess at low speed, share of |T_S|)
+arm:                             weight out of gravity's plane, a disturbance of known phase
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.sim.effects.transmission import MEMORIES, Spring
+from jointscope.sim.stepping import Actuation, ForceLaw
+
+Real = NDArray[np.float64]
+Law = Mapping[str, Any]
+
+MECHANICS = (
+    "transmission-error", "gap-damping", "stiffness-drift", *MEMORIES, "friction-level", "torque-ripple", "weight",
+    "external-vibration",
+)  # fmt: skip
+_ON_SPRING = ("transmission-error", "gap-damping", "stiffness-drift", *MEMORIES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """Where a run's laws count from.
+
+    Attributes:
+        arm_angle: Of the load at the start [rad].
+        origin: Start of the replay on the run's clock [s].
+        motor_zero: Encoder's count at the start less the arm angle, at the output [rad].
+        run: Its id.
+    """
+
+    arm_angle: float
+    origin: float
+    motor_zero: float
+    run: str
+
+
+@dataclass
+class _Command:
+    """Torque that the motor was last told to give [N m]."""
+
+    torque: float = 0.0
+
+
+def joint_law(
+    laws: Sequence[Law], spring: Mapping[str, float], frame: Frame
+) -> tuple[Callable[[mujoco.MjModel], ForceLaw] | None, Callable[[float], Actuation] | None]:
+    """The run's force law and what listens to its motor's command; ``None`` where nothing is needed.
+
+    Args:
+        laws: Entries of ``effects.json`` whose kind is in ``MECHANICS``.
+        spring: Its ``spring``.
+        frame: The run's.
+    """
+    laws = [law for law in laws if law["kind"] != "external-vibration" or frame.run in law.get("phases", {})]
+    if not laws:
+        return None, None
+    command = _Command()
+    listens = any(law["kind"] == "torque-ripple" for law in laws)
+
+    def make(model: mujoco.MjModel) -> ForceLaw:
+        return _JointLaw(model, laws, Spring(**spring), frame, command)
+
+    def listen(timestep: float) -> Actuation:
+        del timestep
+
+        def actuation(t: float, torque: float) -> float:
+            command.torque = torque
+            return torque
+
+        return actuation
+
+    return make, listen if listens else None
+
+
+def _joint(model: mujoco.MjModel, name: str) -> int:
+    """Address of a hinge or slide, -1 where it is not there."""
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    return -1 if found < 0 else int(model.jnt_dofadr[found])
+
+
+class _JointLaw:
+    """Evaluated once per step in order of time; states belong to one take."""
+
+    def __init__(
+        self, model: mujoco.MjModel, laws: Sequence[Law], spring: Spring, frame: Frame, command: _Command
+    ) -> None:
+        self.model, self.spring, self.frame, self.command = model, spring, frame, command
+        self.reducer, self.motor = _joint(model, "reducer"), _joint(model, "motor")
+        self.held = frame.arm_angle  # q_s while no joint moves the motor; set at t = 0
+        self.force = np.zeros(model.nv)
+        by_kind = {kind: [law for law in laws if law["kind"] == kind] for kind in MECHANICS}
+        self.lines = [_line(law) for law in by_kind["transmission-error"]]
+        self.memories = [MEMORIES[kind](law) for kind in MEMORIES for law in by_kind[kind]]
+        self.drift = sum(float(law["rate"]) for law in by_kind["stiffness-drift"])
+        self.on_spring = any(by_kind[kind] for kind in _ON_SPRING)
+        self.ripples = [
+            (float(law["share"]), *_line({**law, "amplitude": 1.0})[1:]) for law in by_kind["torque-ripple"]
+        ]
+        self.pulls = [(float(law["moment"]), float(law["phase"])) for law in by_kind["weight"]]
+        self.shakes = [
+            (float(law["amplitude"]), 2.0 * math.pi * law["frequency"], float(law["phases"][frame.run]))
+            for law in by_kind["external-vibration"]
+            if not law.get("mount")
+        ]
+        self.levels = by_kind["friction-level"]
+        self.share = any(law["share"] for law in self.levels)
+        arm = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, "arm")
+        self.contacts: list[tuple[Real, int, float, bool, list[Law]]] = []
+        for at, array, index in (
+            ("motor", model.dof_frictionloss, self.motor),
+            ("load", model.tendon_frictionloss, arm),
+        ):
+            changing = [law for law in self.levels if law["at"] == at]
+            if changing and index >= 0:
+                self.contacts.append((array, index, float(array[index]), at == "motor", changing))
+        motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, "motor")
+        self.gear = float(model.actuator_gear[motor, 0]) if motor >= 0 else 0.0
+
+    def __call__(self, t: float, q: Real, qd: Real) -> Real:
+        x, v = float(q[self.reducer]), float(qd[self.reducer])
+        if self.motor >= 0:
+            q_s, v_s = float(q[self.motor]), float(qd[self.motor])
+        else:
+            if t <= 0.0:
+                self.held = self.frame.arm_angle - x
+            q_s, v_s = self.held, 0.0
+        force = self.force
+        force[:] = 0.0
+        torque = 0.0
+        if self.on_spring or self.share:
+            torque = self._transmission(t, q_s, v_s, x, v)
+            if self.on_spring:
+                force[self.reducer] = torque - self.spring.native(-x, -v)
+        if self.motor >= 0:
+            for share, per_motor, _per_load, phase in self.ripples:
+                angle = per_motor * (q_s + self.frame.motor_zero) + phase
+                force[self.motor] += share * self.gear * self.command.torque * math.sin(angle)
+        on_arm = -sum(moment * math.cos(q_s + x + phase) for moment, phase in self.pulls)
+        on_arm += sum(a * math.sin(w * (t + self.frame.origin) + phase) for a, w, phase in self.shakes)
+        if on_arm:
+            force[self.reducer] += on_arm
+            if self.motor >= 0:
+                force[self.motor] += on_arm
+        for array, index, constant, at_motor, laws in self.contacts:
+            speed = abs(v_s if at_motor else v_s + v)
+            array[index] = constant + sum(_level(law, speed, torque) for law in laws)
+        return force
+
+    def _transmission(self, t: float, q_s: float, v_s: float, x: float, v: float) -> float:
+        """T_S [N m]."""
+        delta, rate = -x, -v
+        for amplitude, per_motor, per_load, phase in self.lines:
+            angle = per_motor * (q_s + self.frame.motor_zero) + per_load * (q_s + x) + phase
+            delta += amplitude * math.sin(angle)
+            rate += amplitude * math.cos(angle) * (per_motor * v_s + per_load * (v_s + v))
+        torque = self.spring.torque(delta, rate, 1.0 + self.drift * (t + self.frame.origin))
+        for memory in self.memories:
+            torque += memory(t, delta, rate)
+        return torque
+
+
+def _line(law: Law) -> tuple[float, float, float, float]:
+    return float(law["amplitude"]), float(law["per_motor"]), float(law.get("per_load", 0.0)), float(law["phase"])
+
+
+def _level(law: Law, speed: float, torque: float) -> float:
+    """Dry friction beyond the model's own [N m]."""
+    excess = law["excess"] * math.exp(-((speed / law["speed"]) ** law["exponent"])) if law["excess"] else 0.0
+    return float(excess + law["share"] * abs(torque))

@@ -1,0 +1,44 @@
+"""A torque log slower than its stream: what drove the machine, from what the log held of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = NDArray[np.float64]
+
+WEAKEST = 0.3  # what a log passes of a frequency at the least, for that frequency to be raised again
+_EDGE = 256  # samples by which the record is continued past its ends
+
+
+def relogged(samples: Real, rate: float, log_rate: float, form: str) -> Real:
+    """The torque that a log held, averaged or thinned out at ``log_rate`` stands for.
+
+    Args:
+        samples: As logged, shape (n,).
+        rate: Of the stream [Hz].
+        log_rate: Of the log itself [Hz].
+        form: ``averaged`` over the last 1/log_rate; ``held`` from its last update; ``aliased``: thinned, drawn straight.
+
+    Returns:
+        Torque at the same times, shape (n,); what the log can't hold (above half its rate) is left out.
+    """
+    edge = min(_EDGE, samples.size - 1)
+    long = np.pad(np.asarray(samples, dtype=np.float64), edge, mode="edge")
+    trend = np.linspace(long[0], long[-1], long.size)
+    f = np.fft.rfftfreq(long.size, 1.0 / rate)
+    window = 1.0 / log_rate
+    passed = np.sinc(f * window)
+    lag = 0.5 * window
+    if form == "held":
+        lag = 0.5 * max(window - 1.0 / rate, 0.0)
+        passed = passed / np.maximum(np.sinc(f / rate), 0.1) if window * rate > 1.0 else np.ones_like(f)
+    elif form == "aliased":
+        passed, lag = passed**2, 0.0
+    restored = np.exp(2j * np.pi * f * lag) / np.maximum(np.abs(passed), WEAKEST)
+    if log_rate < rate:
+        restored[f > 0.5 * log_rate] = 0.0
+    else:
+        restored[f > 0.5 * log_rate] = 1.0
+    whole = np.fft.irfft((np.fft.rfft(long - trend)) * restored, long.size) + trend
+    return np.asarray(whole[edge : edge + samples.size], dtype=np.float64)

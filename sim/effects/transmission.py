@@ -1,0 +1,144 @@
+r"""The transmission's torque where it has a memory or another argument than MJCF gives it.
+
+All at the joint output, Delta = q_s + kinematic error - q. Every law is evaluated once per step, in order of time; the
+first evaluation, at t = 0, is where memories are unloaded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Law = Mapping[str, Any]
+Part = Callable[[float, float, float], float]  # t [s], Delta [rad], Delta' [rad/s] -> torque [N m]
+
+_QUIET = 1e-30  # rad^2/s^2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring:
+    """T_S = K el + k_2 el^2 + k_3 el^3 - soft clip(el, +-soft_angle) + c Delta', el: Delta outside the play.
+
+    Attributes:
+        stiffness, quadratic, cubic: K [N m/rad], k_2 [N m/rad^2], k_3 [N m/rad^3].
+        damping: c [N m s/rad].
+        gap, centre: Total play and its middle [rad].
+        gap_damping: Share of c inside the play [-].
+        soft_stiffness, soft_angle: [N m/rad], [rad].
+    """
+
+    stiffness: float
+    damping: float
+    quadratic: float = 0.0
+    cubic: float = 0.0
+    gap: float = 0.0
+    centre: float = 0.0
+    gap_damping: float = 1.0
+    soft_stiffness: float = 0.0
+    soft_angle: float = 0.0
+
+    def stretch(self, delta: float) -> tuple[float, bool]:
+        """Elastic part of the wind-up [rad], and whether the teeth touch."""
+        half = 0.5 * self.gap
+        inside = delta - self.centre if half > 0.0 else delta
+        if half == 0.0:
+            return inside, True
+        if inside > half:
+            return inside - half, True
+        if inside < -half:
+            return inside + half, True
+        return 0.0, False
+
+    def elastic(self, el: float, factor: float = 1.0) -> float:
+        """Torque of the stretch ``el`` [N m]; ``factor`` scales K alone."""
+        torque = (factor * self.stiffness + (self.quadratic + self.cubic * el) * el) * el
+        if self.soft_stiffness != 0.0:
+            torque -= self.soft_stiffness * min(max(el, -self.soft_angle), self.soft_angle)
+        return torque
+
+    def native(self, delta: float, rate: float) -> float:
+        """What the MJCF's elements give: its damper acts inside the play too [N m]."""
+        return self.elastic(self.stretch(delta)[0]) + self.damping * rate
+
+    def torque(self, delta: float, rate: float, factor: float = 1.0) -> float:
+        """T_S [N m]."""
+        el, touching = self.stretch(delta)
+        share = 1.0 if touching else self.gap_damping
+        return self.elastic(el, factor) + share * self.damping * rate
+
+
+def hysteresis(law: Law) -> Part:
+    """T z with the travel over ``angle``: z' = 1 - s z (Dahl) or, Bouc-Wen with nu = 2, 1 - z^2 while loading."""
+    torque, angle, dahl = float(law["torque"]), float(law["angle"]), law["form"] == "dahl"
+    z, last = 0.0, 0.0
+
+    def part(t: float, delta: float, rate: float) -> float:
+        nonlocal z, last
+        if t <= 0.0:
+            z, last = 0.0, delta
+            return 0.0
+        travel = (delta - last) / angle
+        last = delta
+        z = _dahl(z, travel) if dahl else _bouc_wen(z, travel)
+        return torque * z
+
+    return part
+
+
+def _dahl(z: float, travel: float) -> float:
+    sign = math.copysign(1.0, travel)
+    return sign + (z - sign) * math.exp(-abs(travel))
+
+
+def _bouc_wen(z: float, travel: float) -> float:
+    if travel == 0.0:
+        return z
+    sign = math.copysign(1.0, travel)
+    left, along = abs(travel), sign * z
+    if along < 0.0:  # unloading is linear
+        unloading = min(left, -along)
+        along, left = along + unloading, left - unloading
+        if along < 0.0:
+            return sign * along
+    return sign * math.tanh(math.atanh(min(along, 1.0 - 1e-12)) + left)
+
+
+def relaxation(law: Law) -> Part:
+    """sum_i k (Delta - what has relaxed), each spring in line with a damper of time t_i; exact for a steady rate."""
+    stiffness, times = float(law["stiffness"]), [float(t) for t in law["times"]]
+    stretch = [0.0] * len(times)
+    last_t, last = 0.0, 0.0
+
+    def part(t: float, delta: float, rate: float) -> float:
+        nonlocal last_t, last
+        if t <= 0.0:
+            stretch[:] = [0.0] * len(times)
+            last_t, last = t, delta
+            return 0.0
+        step, travel = t - last_t, delta - last
+        last_t, last = t, delta
+        for i, time in enumerate(times):
+            kept = math.exp(-step / time)
+            stretch[i] = kept * stretch[i] + travel * (1.0 - kept) * time / step
+        return stiffness * sum(stretch)
+
+    return part
+
+
+def rate_independent(law: Law) -> Part:
+    """k |Delta| sgn(Delta'), its corner rounded over ``turning`` |Delta|."""
+    coefficient, turning = float(law["coefficient"]), float(law["turning"])
+
+    def part(t: float, delta: float, rate: float) -> float:
+        return coefficient * abs(delta) * rate / math.sqrt(rate**2 + (turning * delta) ** 2 + _QUIET)
+
+    return part
+
+
+MEMORIES: dict[str, Callable[[Law], Part]] = {
+    "hysteresis": hysteresis,
+    "relaxation": relaxation,
+    "rate-independent-damping": rate_independent,
+}
