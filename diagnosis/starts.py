@@ -67,9 +67,9 @@ def _misfit(problem: Problem, start: Vector) -> float:
             data = output.data[output.mask]
             if data.size == 0:
                 continue
-            size = float(np.std(data)) or 1.0
+            size = float(np.std(data)) + 1e-6 * float(np.max(np.abs(data))) + 1e-300
             error = float(np.sqrt(np.mean((data - y[output.mask]) ** 2))) / size
-            shares.append(min(error, 10.0) if math.isfinite(error) else 10.0)
+            shares.append(min(error, 10.0) if math.isfinite(error) else 100.0)
     return float(np.mean(np.log(np.array(shares) + 1e-9))) if shares else 0.0
 
 

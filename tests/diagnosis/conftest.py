@@ -81,7 +81,9 @@ def hammer_run(plant: Plant, peak: float, name: str, *, q0=0.0, duration=1.5, ra
         length=t.size,
         channels=(
             channel("f", "force", "N", "arm", "input", force, radius=0.8),
-            channel("a", "linear-acceleration", "m/s^2", "arm", "output", y, radius=0.95, coupling="ac", low_cutoff=0.5),
+            channel(
+                "a", "linear-acceleration", "m/s^2", "arm", "output", y, radius=0.95, coupling="ac", low_cutoff=0.5
+            ),
         ),
     )
     return Run(id=name, experiment="hammer", streams=(stream,), brake=True, arm_angle=q0, **more)

@@ -70,7 +70,9 @@ def frequency(t, q):
 def test_undamped_joint_conserves_energy():
     P, S = packed(MOTOR=k.MOTOR_FREE)
     _, out = run(P, S, x=(1e-3, 0.0, 0.0, 0.2), duration=2.0)
-    energy = 0.5 * (9.1 * out[:, k.X_VS] ** 2 + 3.0 * out[:, k.X_V] ** 2 + 1.9e5 * (out[:, k.X_QS] - out[:, k.X_Q]) ** 2)
+    energy = 0.5 * (
+        9.1 * out[:, k.X_VS] ** 2 + 3.0 * out[:, k.X_V] ** 2 + 1.9e5 * (out[:, k.X_QS] - out[:, k.X_Q]) ** 2
+    )
     assert np.ptp(energy) / energy[0] < 2e-4  # Runge-Kutta loses (w h)^6/144 per step
     momentum = 9.1 * out[:, k.X_VS] + 3.0 * out[:, k.X_V]
     assert np.ptp(momentum) < 1e-11
@@ -114,7 +116,9 @@ def test_agrees_with_lsoda(numbers, law):
         T = 1.9e5 * (q_s - q) + 40.0 * (v_s - v) + extra
         return [v_s, (motor(u) - T - 3.0 * v_s + m) / 9.1, v, (T + force(u) - 2.0 * v + arm) / 3.0]
 
-    reference = solve_ivp(f, (0, t[-1]), np.zeros(4), method="LSODA", rtol=1e-9, atol=1e-12, max_step=2e-3, t_eval=t).y
+    reference = solve_ivp(
+        f, (0, t[-1]), np.zeros(4), method="LSODA", rtol=1e-9, atol=1e-12, max_step=2e-3, t_eval=t
+    ).y
     for column, row in ((k.X_QS, 0), (k.X_Q, 2)):
         assert np.abs(out[:, column] - reference[row]).max() < 2e-5 * np.ptp(reference[row])
 
@@ -204,7 +208,9 @@ def test_cubic_backbone():
     A, k3 = 1e-3, 6e9
     P, S = packed(K_3=k3)
     t, out = run(P, S, x=(0, 0, A, 0), duration=1.0)
-    assert frequency(t, out[:, k.X_Q]) == pytest.approx(W0 / 2 / math.pi * (1 + 3 * k3 * A * A / (8 * KW["K"])), rel=2e-4)
+    assert frequency(t, out[:, k.X_Q]) == pytest.approx(
+        W0 / 2 / math.pi * (1 + 3 * k3 * A * A / (8 * KW["K"])), rel=2e-4
+    )
 
 
 @pytest.mark.parametrize("kind", [k.DAHL, k.BOUC_WEN, k.MAXWELL_SLIP])
@@ -308,7 +314,9 @@ def test_load_dependent_friction_differs_by_the_direction_of_power():
     """Driving, the motor needs (1 + mu) of the load torque; braking, (1 - mu)."""
     for v0, expected in ((0.5, 1.1), (-0.5, 0.9)):
         P, S = packed(MOTOR=k.MOTOR_FREE, C=300.0, FM_LOAD=0.1, FRICTION_M=1, G_CONST=40.0)
-        t, out = run(P, S, um=lambda t, e=expected: np.full(t.size, 40.0 * e), x=(40.0 / 1.9e5, v0, 0, v0), duration=0.4)
+        _t, out = run(
+            P, S, um=lambda t, e=expected: np.full(t.size, 40.0 * e), x=(40.0 / 1.9e5, v0, 0, v0), duration=0.4
+        )
         assert out[-1, k.X_VS] == pytest.approx(v0, abs=2e-3)
 
 
@@ -330,6 +338,6 @@ def test_observer_follows_the_rigid_body_and_leaves_the_wind_up_alone():
     """A constant angle offset is forgotten within a second; the wind-up never notices."""
     w = 2 * math.pi * 3.0
     P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, OBS_1=1.6 * w, OBS_2=w * w, OBS_QS=1.0)
-    t, out = run(P, S, y=lambda t: np.full(t.size, 0.1))
+    _t, out = run(P, S, y=lambda t: np.full(t.size, 0.1))
     assert out[-1, k.X_QS] == pytest.approx(0.1, abs=1e-6)
     assert np.abs(out[:, k.X_QS] - out[:, k.X_Q]).max() < 1e-12

@@ -1,0 +1,324 @@
+"""The catalogue: complete, silent at its null values, and true to the contract's sign conventions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.acquisition import lagged, relogged
+from jointscope.diagnosis.channels import mount_resonance, recorded
+from jointscope.diagnosis.effects import (
+    DRIFT_PER_RUN,
+    PAYLOAD,
+    REGISTRY,
+    ActiveEffect,
+    catalogue,
+    with_run_weights,
+)
+from jointscope.diagnosis.predict import build, integrate, predict_outputs
+from jointscope.diagnosis.prepare import prepare
+
+CONTRACT = {
+    "coulomb-friction": ("motor", "load"),
+    "stribeck-friction": ("motor", "load"),
+    "load-dependent-friction": ("transmission",),
+    "quadratic-damping": ("load",),
+    "backlash": ("transmission",),
+    "stiffness-nonlinearity": ("transmission",),
+    "hysteresis": ("transmission",),
+    "structural-damping": ("transmission",),
+    "transmission-error": ("transmission",),
+    "torque-ripple": ("motor",),
+    "drive-lag": ("motor",),
+    "torque-gain": ("motor",),
+    "gravity": ("load",),
+    "payload": ("load",),
+    "link-flexibility": ("load",),
+    "base-compliance": ("base",),
+    "neighbour-flexibility": ("neighbour",),
+    "end-stop": ("load",),
+    "stiffness-drift": ("transmission",),
+    "external-vibration": ("base",),
+    "delay": ("acquisition",),
+    "clock-drift": ("acquisition",),
+    "sensor-tilt": ("acquisition",),
+    "sensor-resonance": ("acquisition",),
+    "sensor-saturation": ("acquisition",),
+    "sensor-gain": ("acquisition",),
+    "torque-logging": ("acquisition",),
+}
+MAIN = {
+    "coulomb-friction": "torque", "stribeck-friction": "torque", "load-dependent-friction": "coefficient",
+    "quadratic-damping": "coefficient", "backlash": "gap", "hysteresis": "torque", "structural-damping": "loss_factor",
+    "transmission-error": "amplitude", "drive-lag": "time_constant", "torque-gain": "gain", "gravity": "moment",
+    "payload": "inertia", "link-flexibility": "frequency", "base-compliance": "frequency",
+    "neighbour-flexibility": "frequency", "end-stop": "angle", "stiffness-drift": "rate",
+    "external-vibration": "frequency", "delay": "delay", "clock-drift": "ppm", "sensor-tilt": "angle",
+    "sensor-resonance": "frequency", "sensor-saturation": "level", "sensor-gain": "gain", "torque-logging": "rate",
+}  # fmt: skip
+ALL = (*REGISTRY, PAYLOAD, DRIFT_PER_RUN)
+
+
+def effect(problem, name, variant=None, *, size=None, location=None, run_weights=None, **values):
+    """An active effect by name; parameters not given take their first start and the wanted (medium) size."""
+    specs = [s for s in ALL if s.name == name and variant in (None, s.variant) and location in (None, s.location)]
+    spec = specs[0] if run_weights is None else with_run_weights(specs[0], run_weights, problem)
+    numbers = list(spec.starts(problem)[0])
+    numbers.insert(spec.amplitude, spec.scale(problem)[1 if size is None else size])
+    for i, parameter in enumerate(spec.parameters):
+        numbers[i] = values.get(parameter.name, numbers[i])
+    return ActiveEffect(spec, tuple(float(n) for n in numbers))
+
+
+def outputs(problem, theta, *effects):
+    return [y for run in problem.runs for y in predict_outputs(run, theta, effects, problem)]
+
+
+def test_every_row_of_the_contract_is_there():
+    assert {(s.name, s.location) for s in ALL} == {(n, at) for n, places in CONTRACT.items() for at in places}
+    for spec in ALL:
+        if spec.name in MAIN and spec.variant != "load-proportional":
+            assert spec.parameters[0].name == MAIN[spec.name]
+        assert sum(p.null is not None for p in spec.parameters) == 1
+        assert spec.law and spec.revealed_by and spec.look_alikes
+        assert set(spec.look_alikes) <= set(CONTRACT) - {spec.name}
+
+
+def test_variants_are_distinct():
+    keys = [(s.name, s.location, s.variant) for s in ALL]
+    assert len(keys) == len(set(keys))
+
+
+@pytest.mark.parametrize("spec", ALL, ids=lambda s: f"{s.name}@{s.location}/{s.variant}")
+def test_null_is_the_base_exactly_and_sizes_move_it(spec, problem, truth):
+    """Zero amplitude is the base to the last bit; medium and large ones are finite and inside the bounds."""
+    if spec in (PAYLOAD, DRIFT_PER_RUN):
+        spec = with_run_weights(spec, (0.0, 1.0, 1.0), problem)
+    else:
+        spec = next(
+            s
+            for s in catalogue(problem)
+            if (s.name, s.location, s.variant) == (spec.name, spec.location, spec.variant)
+        )
+    base = outputs(problem, truth)
+    start = list(spec.starts(problem)[0])
+    null = [*start[: spec.amplitude], spec.parameters[spec.amplitude].null, *start[spec.amplitude :]]
+    for a, b in zip(base, outputs(problem, truth, ActiveEffect(spec, tuple(null))), strict=True):
+        assert np.array_equal(a, b)
+    sizes = spec.scale(problem)
+    before = 0.0
+    for size in sizes[1:]:
+        values = [*start[: spec.amplitude], size, *start[spec.amplitude :]]
+        for value, parameter in zip(values, spec.parameters, strict=True):
+            assert parameter.lower <= value <= parameter.upper, parameter
+        moved = outputs(problem, truth, ActiveEffect(spec, tuple(values)))
+        assert all(np.isfinite(y).all() for y in moved)
+        change = sum(float(np.sum((a - b) ** 2) / np.sum(b**2)) for a, b in zip(moved, base, strict=True))
+        if spec.possible(problem) is None and spec.name != "end-stop":
+            assert change > (
+                0.0 if spec.family == "mode" else before
+            )  # a strong mode moves away from the resonance
+        before = change
+
+
+def test_starts_fit_the_parameters(problem):
+    for spec in catalogue(problem):
+        for start in spec.starts(problem):
+            assert len(start) == len(spec.parameters) - 1
+            others = [p for i, p in enumerate(spec.parameters) if i != spec.amplitude]
+            assert all(p.lower <= v <= p.upper for p, v in zip(others, start, strict=True)), (spec.name, start)
+
+
+def test_out_of_reach_has_a_reason(builders, plant):
+    """Hits with the brake on show nothing of the motor, of travel, or of a second clock."""
+    problem = prepare(builders.campaign_of([builders.hammer_run(plant, 100.0, "a", duration=0.5)]))
+    blocked = {(s.name, s.location) for s in catalogue(problem) if s.possible(problem) is not None}
+    assert {
+        ("coulomb-friction", "motor"), ("stribeck-friction", "motor"), ("torque-ripple", "motor"),
+        ("transmission-error", "transmission"), ("drive-lag", "motor"), ("torque-gain", "motor"),
+        ("delay", "acquisition"), ("clock-drift", "acquisition"), ("torque-logging", "acquisition"), ("gravity", "load"),
+    } <= blocked  # fmt: skip
+    assert ("backlash", "transmission") not in blocked and ("hysteresis", "transmission") not in blocked
+
+
+# --- sign conventions ------------------------------------------------------------------------------------------------
+
+
+def test_gap_is_total(problem, truth):
+    """Without load the arm floats over `gap`, not over half of it."""
+    run = problem.runs[0]
+    P = build(run, truth, (effect(problem, "backlash", "free-flight", gap=2e-4),), problem).P
+    edges = [k.windup(P, sign * 1e-6) for sign in (-1.0, 1.0)]
+    assert edges[1] - edges[0] == pytest.approx(2e-4, rel=1e-3)
+
+
+def test_friction_is_at_the_output(problem, truth):
+    """Both locations count in output torque; asymmetry = (T+ - T-)/(T+ + T-)."""
+    for location, first in (("motor", k.FM_PLUS), ("load", k.FL_PLUS)):
+        active = effect(problem, "coulomb-friction", "asymmetric", location=location, torque=10.0, asymmetry=0.2)
+        P = build(problem.runs[-1], truth, (active,), problem).P
+        plus, minus = P[first], P[first + 1]
+        assert (plus + minus) / 2 == pytest.approx(10.0)
+        assert (plus - minus) / (plus + minus) == pytest.approx(0.2)
+
+
+def sweep(problem):
+    return next(run for run in problem.runs if run.mode == "observer")
+
+
+def test_a_late_device_means_the_torque_acted_before_its_stamp(problem, truth):
+    """delay > 0: the log is advanced, so the predicted acceleration leads the base's by the delay."""
+    run = sweep(problem)
+    base = predict_outputs(run, truth, (), problem)[0]
+    moved = predict_outputs(run, truth, (effect(problem, "delay", delay=1e-3),), problem)[0]
+    t = run.outputs[0].times
+    shift = np.interp(t + 1e-3, t, base)
+    middle = (t > 0.5) & (t < 1.2)
+    assert np.std((moved - shift)[middle]) < 0.1 * np.std((moved - base)[middle])
+
+
+def test_a_fast_clock_stretches_the_log(problem, truth):
+    """ppm > 0: the stamp t (1 + ppm) was taken at t, so the lead grows with time."""
+    run = sweep(problem)
+    base = predict_outputs(run, truth, (), problem)[0]
+    moved = predict_outputs(run, truth, (effect(problem, "clock-drift", ppm=1000.0),), problem)[0]
+    t = run.outputs[0].times
+    shift = np.interp(t * (1 + 1e-3), t, base)
+    middle = (t > 0.5) & (t < 1.2)
+    assert np.std((moved - shift)[middle]) < 0.15 * np.std((moved - base)[middle])
+
+
+def test_gains_are_true_over_stated(problem, truth):
+    """A sensitivity 10 % above its stated value makes records 10 % larger; a torque constant so makes torque larger."""
+    hit, run = problem.runs[0], sweep(problem)
+    (base,) = predict_outputs(hit, truth, (), problem)
+    (more,) = predict_outputs(hit, truth, (effect(problem, "sensor-gain", "accelerometer", gain=1.1),), problem)
+    np.testing.assert_allclose(more, 1.1 * base, rtol=1e-9, atol=1e-9)
+    (less,) = predict_outputs(hit, truth, (effect(problem, "sensor-gain", "force", gain=1.25),), problem)
+    np.testing.assert_allclose(less, base / 1.25, atol=2e-4 * np.abs(base).max())
+    states = [integrate(build(run, truth, e, problem)) for e in ((), (effect(problem, "torque-gain", gain=1.1),))]
+    np.testing.assert_allclose(states[1][:, k.X_TAU], 1.1 * states[0][:, k.X_TAU], rtol=1e-12)
+
+
+def test_a_tilted_dc_sensor_reads_the_tilt_at_standstill(builders, plant):
+    """At rest the reading is g cos(q - angle): positive tilt turns the axis towards the outside."""
+    import dataclasses
+
+    run = builders.hammer_run(plant, 0.0, "a", q0=0.4, duration=0.3)
+    stream = run.streams[0]
+    force, acc = stream.channels
+    force = dataclasses.replace(force, samples=force.samples + 1e-9)
+    acc = dataclasses.replace(acc, coupling="dc", low_cutoff=None)
+    run = dataclasses.replace(run, streams=(dataclasses.replace(stream, channels=(force, acc)),))
+    problem = prepare(builders.campaign_of([run]))
+    (y,) = predict_outputs(
+        problem.runs[0], problem.base.start, (effect(problem, "sensor-tilt", angle=0.1),), problem
+    )
+    np.testing.assert_allclose(y, 9.80665 * math.cos(0.4 - 0.1), rtol=1e-6)
+
+
+def test_saturation_leaves_everything_below_its_level(problem, truth):
+    run = problem.runs[1]
+    (base,) = predict_outputs(run, truth, (), problem)
+    level = 0.5 * np.abs(base).max()
+    (cut,) = predict_outputs(run, truth, (effect(problem, "sensor-saturation", level=level),), problem)
+    np.testing.assert_array_equal(cut, np.clip(base, -level, level))
+
+
+def test_payload_moves_only_the_runs_that_carry_it(problem, truth, plant):
+    base = outputs(problem, truth)
+    loaded = outputs(problem, truth, effect(problem, "payload", run_weights=(0.0, 1.0, 0.0), inertia=0.3))
+    assert np.array_equal(base[0], loaded[0]) and np.array_equal(base[2], loaded[2])
+    heavy = problem.theta(**{n: truth[problem.base.names.index(n)] for n in ("stiffness", "damping", "motor_damping",
+                          "load_damping")}, load_inertia=plant.J_L + 0.3)  # fmt: skip
+    np.testing.assert_allclose(loaded[1], outputs(problem, heavy)[1], atol=1e-12)
+
+
+# --- closed forms of the instruments ---------------------------------------------------------------------------------
+
+
+def test_lag_has_the_gain_and_phase_of_a_first_order_law():
+    rate, tau, f = 8192.0, 1e-3, 60.0
+    t = np.arange(8192) / rate
+    y = lagged(np.sin(2 * np.pi * f * t), tau, rate)[4096:]
+    H = 1.0 / (1.0 + 2j * np.pi * f * tau)
+    np.testing.assert_allclose(y, np.imag(H * np.exp(2j * np.pi * f * t[4096:])), atol=2e-4)
+
+
+@pytest.mark.parametrize(("kind", "log_rate"), [("averaged", 500.0), ("averaged", 250.0), ("held", 250.0)])
+def test_a_slow_log_is_undone_below_half_its_rate(kind, log_rate):
+    """Averaging or holding a known torque and undoing it gives the torque back; ignoring it does not."""
+    rate = 500.0
+    fine = np.arange(0, 4.0, 1e-4)
+    torque = lambda t: np.sin(2 * np.pi * (4 * t + 7 * t * t)) * np.clip(t * 5, 0, 1) * np.clip((4 - t) * 5, 0, 1)  # noqa: E731
+    t = np.arange(2000) / rate
+    if kind == "averaged":
+        total = np.concatenate([[0.0], np.cumsum(torque(fine)) * 1e-4])
+        edge = np.concatenate([fine, [4.0]])
+        area = lambda u: np.interp(np.maximum(u, 0.0), edge, total)  # noqa: E731
+        log = (area(t) - area(t - 1 / log_rate)) * log_rate
+    else:
+        log = torque(np.floor(t * log_rate + 1e-9) / log_rate)
+    back = relogged(log, rate, log_rate, kind)
+    middle = slice(200, 1500)  # up to 46 Hz
+    naive = np.std((log - torque(t))[middle])
+    assert np.std((back - torque(t))[middle]) < 0.2 * naive
+
+
+def test_mount_resonance_lifts_low_frequencies_by_the_square():
+    rate, f0, f = 8192.0, 600.0, 60.0
+    t = np.arange(8192) / rate
+    y = mount_resonance(np.sin(2 * np.pi * f * t), f0, 0.05, rate)[4096:]
+    assert np.ptp(y) / 2 == pytest.approx(1.0 / (1.0 - (f / f0) ** 2), rel=2e-3)
+
+
+def test_the_recorder_passes_its_band_and_nothing_above():
+    """What lies below 0.4 of the rate is recorded to 2e-5; what lies above 0.6 is gone (to 1e-4)."""
+    grid, rate = 4096.0, 1024.0
+    t = np.arange(8192) / grid
+    times = np.arange(2048) / rate
+    inner = slice(100, -100)
+    for f, tolerance in ((40.0, 2e-5), (400.0, 2e-3)):
+        y = recorded(np.sin(2 * np.pi * f * t), grid, 0.0, times, rate)
+        np.testing.assert_allclose(y[inner], np.sin(2 * np.pi * f * times)[inner], atol=tolerance)
+    y = recorded(np.sin(2 * np.pi * 640.0 * t), grid, 0.0, times, rate)
+    assert np.abs(y[inner]).max() < 1e-4
+    shifted = recorded(np.sin(2 * np.pi * 40.0 * t), grid, 0.0, times[:-1] + 0.37 / rate, rate)
+    np.testing.assert_allclose(
+        shifted[inner], np.sin(2 * np.pi * 40.0 * (times[:-1] + 0.37 / rate))[inner], atol=3e-5
+    )
+
+
+def test_vibration_is_found_at_any_phase(problem, truth, builders):
+    """A tone of any phase in the data is reproduced without its phase being a parameter."""
+    import dataclasses
+
+    run = problem.runs[0]
+    (base,) = predict_outputs(run, truth, (), problem)
+    f, amplitude = 27.3, 2.0
+    active = effect(problem, "external-vibration", "torque", frequency=f, amplitude=amplitude)
+    H = 0.95 * -((2 * np.pi * f) ** 2) / (1.9e5 - 3.0 * (2 * np.pi * f) ** 2 + 2j * np.pi * f * 62.0)
+    for phase in (0.3, 2.9):
+        t = run.outputs[0].times
+        tone = np.real(amplitude * H * np.exp(1j * (2 * np.pi * f * t + phase)))
+        shaken = dataclasses.replace(run, outputs=(dataclasses.replace(run.outputs[0], data=base + tone),))
+        (y,) = predict_outputs(shaken, truth, (active,), problem)
+        assert np.std(y - base - tone) < 0.01 * np.std(tone)
+
+
+def test_every_pair_of_mechanical_effects_runs_together(problem, truth):
+    """Effects combine: three at once stay finite and are not the base."""
+    run = sweep(problem)
+    trio = (
+        effect(problem, "backlash", "free-flight"),
+        effect(problem, "hysteresis", "bouc-wen"),
+        effect(problem, "link-flexibility", "one-shape"),
+    )
+    base = predict_outputs(run, truth, (), problem)
+    for combined in (trio, (*trio[:2], effect(problem, "structural-damping", "relaxation"))):
+        y = predict_outputs(run, truth, combined, problem)
+        assert all(np.isfinite(a).all() for a in y)
+        assert not np.array_equal(y[0], base[0])
