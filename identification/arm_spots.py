@@ -104,7 +104,9 @@ def _read(run: Run) -> HitSpectrum | Rejected:
         return Rejected(run=run.id, finding="no-output", detail="no accelerometer on the arm was recorded")
     contact = find_contact(force.samples, force.sampling_rate)
     if contact is None:
-        return Rejected(run=run.id, finding="dead-channel", detail="the force channel shows no hit above its noise")
+        return Rejected(
+            run=run.id, finding="dead-channel", detail="the force channel shows no hit above its noise"
+        )
     if is_double_hit(contact):
         return Rejected(run=run.id, finding="double-hit", detail="the hammer touched twice")
     for signal in (force, *sensors):
@@ -123,7 +125,9 @@ def _read(run: Run) -> HitSpectrum | Rejected:
 
 def _spot(run: Run, reference: Reference, hits: Sequence[HitSpectrum]) -> Spot:
     if run.payload_mass:
-        raise RefusedError(f"run {run.id}: put the payload into the arm's model; hits with another one are not fitted")
+        raise RefusedError(
+            f"run {run.id}: put the payload into the arm's model; hits with another one are not fitted"
+        )
     hit = channel_probe(run.select("force", role="input")[0])
     sensors = [channel_probe(s) for s in _accelerometers(run)]
     rows = [reference.rows(run.posture, sensor) for sensor in sensors]

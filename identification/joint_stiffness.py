@@ -25,7 +25,7 @@ from scipy import optimize, stats
 from jointscope.errors import RefusedError
 from jointscope.identification.arm_spots import Spot
 from jointscope.identification.direct_parametric import noise_levels, noise_shape
-from jointscope.identification.errors_in_variables import Scatter, whiten
+from jointscope.identification.errors_in_variables import HitSpectrum, Scatter, whiten
 from jointscope.identification.hit_scatter import deviations, estimate_scatter
 from jointscope.identification.modal_model import ModalModel
 
@@ -87,7 +87,7 @@ class BrakedArm:
     @property
     def outputs(self) -> int:
         """Number of accelerometers."""
-        return self.spot.motion.shape[0]
+        return int(self.spot.motion.shape[0])
 
     def vector(self) -> Real:
         """log K, log c, log of the inertia factor, shape (2n + 1,)."""
@@ -128,9 +128,13 @@ class BrakedArm:
     def _solve(self, s: Complex) -> tuple[Complex, Complex]:
         K, c, factor = self._values()
         spot = self.spot
-        Z = factor * (s[:, None, None] ** 2 * spot.mass + spot.gravity_stiffness) + s[:, None, None] * np.diag(c) + np.diag(K)
+        Z = (
+            factor * (s[:, None, None] ** 2 * spot.mass + spot.gravity_stiffness)
+            + s[:, None, None] * np.diag(c)
+            + np.diag(K)
+        )
         right = np.broadcast_to(spot.force, (s.size, spot.force.size))[..., None]
-        return np.linalg.solve(Z, right)[..., 0], Z
+        return np.asarray(np.linalg.solve(Z, right)[..., 0], dtype=np.complex128), Z
 
     def _read(self, s: Complex, x: Complex) -> Complex:
         return np.asarray(s**2 * (self.spot.motion @ x.T) + self.spot.tilt @ x.T)
@@ -160,7 +164,7 @@ def identify_joints(
     damping: Real,
     sought: Sequence[str],
     *,
-    belief: Belief = Belief(),  # noqa: B008 (frozen)
+    belief: Belief = Belief(),
     band: tuple[float, float] = (4.0, 50.0),
 ) -> JointFit:
     """Fit K and c of every joint to all hits of all spots at once.
@@ -292,7 +296,7 @@ class _Problem:
             stiffness=tuple(one(k, "N m/rad") for k in range(n)),
             damping=tuple(one(n + k, "N m s/rad") for k in range(n)),
             inertia_factor=(factor, factor / math.exp(half[-1]), factor * math.exp(half[-1])),
-            covariance=covariance,
+            covariance=np.asarray(covariance, dtype=np.float64),
             hits=count,
             misfit=math.sqrt(cost / lines),
         )
@@ -308,9 +312,10 @@ def _rough_start(spots: Sequence[Spot], mean: Real, sd: Real, tries: int = 400) 
     for spot in spots:
         hits = spot.hits
         every = slice(None, None, max(1, hits[0].frequency.size // 120))
-        G = sum(h.output * np.conj(h.input) for h in hits) / sum(np.abs(h.input) ** 2 for h in hits)
+        drive = np.sum([np.abs(h.input) ** 2 for h in hits], axis=0)
+        G = np.sum([h.output * np.conj(h.input) for h in hits], axis=0) / drive
         level = np.log(np.abs(G / hits[0].sensor)[:, every])
-        lines.append((2j * np.pi * hits[0].frequency[every], level))
+        lines.append((_s(hits[0].frequency[every]), level))
 
     def misfit(logs: Real) -> Real:
         parts = [
@@ -328,9 +333,11 @@ def _rough_start(spots: Sequence[Spot], mean: Real, sd: Real, tries: int = 400) 
     return np.asarray(min(fits, key=lambda fit: fit.cost).x)
 
 
-def _rough_noise(model: BrakedArm, hit: object) -> float:
-    from jointscope.identification.errors_in_variables import HitSpectrum
+def _s(frequency: Real) -> Complex:
+    """s = j omega [rad/s] for frequencies [Hz]."""
+    return np.asarray(2j * np.pi * frequency, dtype=np.complex128)
 
-    assert isinstance(hit, HitSpectrum)
-    error = hit.output - hit.sensor * model.response(2j * np.pi * hit.frequency) * hit.input
+
+def _rough_noise(model: BrakedArm, hit: HitSpectrum) -> float:
+    error = hit.output - hit.sensor * model.response(_s(hit.frequency)) * hit.input
     return float(np.sqrt(np.mean(np.abs(error) ** 2) / 2.0)) + 1e-12

@@ -104,7 +104,9 @@ def equivalent_modes(
     """
     selection = select_modes(hits, band, highest=highest)
     if selection.model is None:
-        raise RefusedError(f"no mode is stable between {band[0]:g} and {band[1]:g} Hz; hit harder or widen the band")
+        raise RefusedError(
+            f"no mode is stable between {band[0]:g} and {band[1]:g} Hz; hit harder or widen the band"
+        )
     inside = [hit.in_band(band) for hit in hits]
     fit = fit_hits(inside, selection.model)
     lagging = fit_hits(inside, replace(fit.model, b2=np.zeros_like(fit.model.b1)))
@@ -176,14 +178,18 @@ def _estimates(fit: ParametricFit) -> tuple[EquivalentMode, ...]:
     return tuple(result)
 
 
-def _sentence(measured: float, computed: float, share: Mapping[str, float], shape: Real, joints: Sequence[str]) -> str:
+def _sentence(
+    measured: float, computed: float, share: Mapping[str, float], shape: Real, joints: Sequence[str]
+) -> str:
     ranked = sorted(share, key=lambda name: -share[name])
     yields = [f"{name} {100.0 * share[name]:.0f} %" for name in ranked if share[name] > 0.05]
     movers = [k for k in np.argsort(-np.abs(shape)) if abs(shape[k]) > 0.2]
     senses = ""
     if len(movers) > 1:
         same = shape[movers[0]] * shape[movers[1]] > 0.0
-        senses = f"; {joints[movers[0]]} and {joints[movers[1]]} turn {'together' if same else 'against each other'}"
+        senses = (
+            f"; {joints[movers[0]]} and {joints[movers[1]]} turn {'together' if same else 'against each other'}"
+        )
     return f"{measured:.2f} Hz (model {computed:.2f} Hz): the energy is in {', '.join(yields)}{senses}"
 
 

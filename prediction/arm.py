@@ -43,7 +43,7 @@ Real = NDArray[np.float64]
 
 ANCHOR = 0.2  # Hz
 TIMESTEP = 1e-4  # s
-_AT_REST = 0.02  # s at the start over which the torque's offset is taken
+_AT_REST = 0.02  # s at the start that are surely at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,7 +109,8 @@ def predict_arm(arm: ElasticArm, rig: Nameplate, run: Run, *, torque_sign: float
     )  # fmt: skip
     rest = equilibrium(held, run.posture)
     commands = _holding(held, rest, grid.size)
-    notes: list[str] = []
+    base = [s.channel.column for s in run.select(role="output", recorded=False) if s.channel.location == "base"]
+    notes = [f"{', '.join(base)}: the model's base does not move"] if base else []
     torque = None
     if hammer is not None:
         force = hit[0]
@@ -198,14 +199,27 @@ def _drive_with(
     k, n = held.arm.index(joint), held.arm.reduction_ratio(joint)
     eta = 1.0 if rig.efficiency is None else rig.efficiency
     torque = sign * _recorded_torque(run, rig, grid, sign * rest.torque[k] / n, notes)
-    offset = float(rest.torque[k] - eta * n * np.mean(torque[: max(1, round(_AT_REST / TIMESTEP))]))
-    commands[:, held.actuator(joint + TORQUE)] = eta * n * torque + offset - rest.torque[k]
     speed = _commanded_speed(run, grid, n)
+    still = _still(run, speed)
+    offset = float(rest.torque[k] - eta * n * np.mean(torque[:still]))
+    commands[:, held.actuator(joint + TORQUE)] = eta * n * torque + offset - rest.torque[k]
     path = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * TIMESTEP
     commands[:, held.actuator(joint + DRIVE)] = drive_command(
         held, joint, rest.rotor[k] + path, speed, rest.torque[k]
     )
     return torque
+
+
+def _still(run: Run, speed: Real) -> int:
+    """Over how many steps from the start the torque's mean is what holds the arm.
+
+    Until the drive is told to move; a drive that is never told to holds on average throughout.
+    """
+    shortest = round(_AT_REST / TIMESTEP)
+    if run.hold.get(str(run.joint)) != "drive":
+        return shortest
+    moving = np.flatnonzero(np.abs(speed) > 1e-3 * max(float(np.max(np.abs(speed))), 1e-6))
+    return max(shortest, int(moving[0])) if moving.size else speed.size
 
 
 def _recorded_torque(run: Run, rig: Nameplate, grid: Real, holding: float, notes: list[str]) -> Real:
@@ -242,13 +256,15 @@ def _grid(run: Run) -> Real:
     lengths = [s.start + s.length / s.sampling_rate for s in run.streams if s.length]
     if not lengths:
         raise RefusedError(f"run {run.id}: holds no samples; nothing can be predicted from it")
-    return np.arange(round(max(lengths) / TIMESTEP)) * TIMESTEP
+    return np.asarray(np.arange(round(max(lengths) / TIMESTEP)) * TIMESTEP, dtype=np.float64)
 
 
 def _read_out(trajectory: Trajectory, run: Run, rig: Nameplate) -> tuple[ArmChannel, ...]:
     channels = []
     for signal in run.select(role="output", recorded=False):
         channel = signal.channel
+        if channel.location == "base":
+            continue  # the model stands on rock; a zero is no prediction
         if channel.quantity == "linear-acceleration":
             felt = trajectory.accelerometer(channel.column)
             cutoff = channel.low_cutoff or 0.0
@@ -274,4 +290,4 @@ def _below_half(values: Real, rate: float) -> Real:
     reach = round(24.0 / (rate * TIMESTEP))
     taps = dsp.firwin(2 * reach + 1, 0.46 * rate, fs=1.0 / TIMESTEP, window=("kaiser", 8.0))
     padded = np.concatenate([np.full(reach, values[0]), values, np.full(reach, values[-1])]) - values[0]
-    return np.asarray(dsp.oaconvolve(padded, taps, mode="valid")) + values[0]
+    return np.asarray(dsp.oaconvolve(padded, taps, mode="valid") + values[0], dtype=np.float64)

@@ -28,7 +28,7 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _DOUBT = 0.5  # rad: one standard deviation at which a half turn of the vector can be mistaken (a quarter turn is 3 of them)
-_HEARD = 2.0  # noise standard deviations above which a vector's angle counts
+_HEARD = 5.0  # noise standard deviations above which a vector's angle counts: noise alone never gets there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +174,7 @@ def _restlessness(vector: Complex, rig: Nameplate, torque_constant: float, pole_
 
 def _doubts(before: Real, heard: NDArray[np.bool_], times: Real) -> tuple[Doubt, ...]:
     """Gaps between heard samples at whose end the angle had become uncertain."""
-    doubts = []
+    doubts: list[Doubt] = []
     index = np.flatnonzero(heard)
     if index.size == 0:
         return (Doubt(start=float(times[0]), end=float(times[-1])),)

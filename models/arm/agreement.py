@@ -57,7 +57,7 @@ def mujoco_mass_matrix(arm: ElasticArm, posture: Mapping[str, float]) -> Real:
 def mujoco_gravity(arm: ElasticArm, posture: Mapping[str, float]) -> Real:
     """Torque that holds each link against gravity [N m] by MuJoCo, shape (n,)."""
     _, data, dofs = _at(arm, posture)
-    return data.qfrc_bias[dofs].copy()
+    return np.array(data.qfrc_bias[dofs], dtype=np.float64)
 
 
 def mujoco_gravity_stiffness(arm: ElasticArm, posture: Mapping[str, float]) -> Real:

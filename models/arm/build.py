@@ -177,9 +177,7 @@ def write_arm(path: Path, arm: ElasticArm) -> None:
     write_text(Path(path), arm.xml)
 
 
-def with_reducers(
-    arm: ElasticArm, stiffness: Mapping[str, float], damping: Mapping[str, float]
-) -> ElasticArm:
+def with_reducers(arm: ElasticArm, stiffness: Mapping[str, float], damping: Mapping[str, float]) -> ElasticArm:
     """The arm with other K [N m/rad] and c [N m s/rad] of the joints that are named."""
     spec = arm.spec.copy()
     for values, attribute in ((stiffness, "stiffness"), (damping, "damping")):

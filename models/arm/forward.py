@@ -51,7 +51,7 @@ class Trajectory:
         if kv == 0.0:
             return force
         dof = int(model.jnt_dofadr[model.actuator_trnid[index, 0]])
-        centred = force - kv * 0.5 * model.opt.timestep * self.acceleration[:, dof]
+        centred: Real = force - kv * 0.5 * float(model.opt.timestep) * self.acceleration[:, dof]
         if not model.actuator_forcelimited[index]:
             return centred
         low, high = model.actuator_forcerange[index]

@@ -183,8 +183,8 @@ class _Problem:
         omega = 2.0 * np.pi * modes.frequency[pick]
         others = 2.0 * modes.damping_ratio[pick] * omega
         wanted = np.array([t.damping / t.inertia for t in self.targets])
-        shape = modes.shape[np.ix_([self.hit, self.bend], pick)]
-        return np.linalg.solve(shape.T**2, wanted - others)
+        shape = modes.shape[[self.hit, self.bend]][:, pick]
+        return np.asarray(np.linalg.solve(shape.T**2, wanted - others), dtype=np.float64)
 
     def solution(self, x: Real, starts: tuple[int, int]) -> Solution:
         damping = self.dampings(x)

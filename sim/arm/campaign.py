@@ -129,7 +129,13 @@ def _driven_recording(
 
 
 def _daq(
-    plan: ArmPlan, chain: Chain, take: Take, name: str, rng: np.random.Generator, spot: HammerSpot | None, skew: float
+    plan: ArmPlan,
+    chain: Chain,
+    take: Take,
+    name: str,
+    rng: np.random.Generator,
+    spot: HammerSpot | None,
+    skew: float,
 ) -> Stream:
     device, h = chain.daq, plan.timestep
     stamps = device.stamps(take.duration)
@@ -201,7 +207,10 @@ def _currents(
         for phase, current in zip("uvw", currents, strict=True)
     )  # fmt: skip
     return Stream(
-        file=f"{name}-currents.npz", sampling_rate=probes.device.sampling_rate, length=stamps.size, channels=channels
+        file=f"{name}-currents.npz",
+        sampling_rate=probes.device.sampling_rate,
+        length=stamps.size,
+        channels=channels,
     )
 
 
@@ -210,12 +219,15 @@ def _relative(chain: Chain, plan: ArmPlan, take: Take) -> Chain:
     assert plan.relative_noise is not None and take.force is not None
     of_acceleration, of_force = plan.relative_noise
     heard = max(
-        float(np.ptp(take.trajectory.accelerometer(s.probe.name))) / 2.0 for s in plan.sensors if s.location != "base"
+        float(np.ptp(take.trajectory.accelerometer(s.probe.name))) / 2.0
+        for s in plan.sensors
+        if s.location != "base"
     )
     return replace(
         chain,
         accelerometer=replace(
-            chain.accelerometer, converter=replace(chain.accelerometer.converter, noise_rms=of_acceleration * heard)
+            chain.accelerometer,
+            converter=replace(chain.accelerometer.converter, noise_rms=of_acceleration * heard),
         ),
         force_cell=replace(chain.force_cell, noise_rms=of_force * float(take.force.max())),
     )
@@ -236,5 +248,3 @@ def _frozen(samples: Real) -> Real:
     samples = np.array(samples)
     samples.setflags(write=False)
     return samples
-
-

@@ -11,7 +11,16 @@ from scipy import signal
 
 from jointscope.models.arm.build import DRIVE, ElasticArm
 from jointscope.models.arm.forward import Trajectory, step_arm, step_arm_repeats
-from jointscope.models.arm.holding import HAMMER, TORQUE, HeldArm, HoldKind, Rest, drive_command, equilibrium, hold_arm
+from jointscope.models.arm.holding import (
+    HAMMER,
+    TORQUE,
+    HeldArm,
+    HoldKind,
+    Rest,
+    drive_command,
+    equilibrium,
+    hold_arm,
+)
 from jointscope.sim.arm.plan import ArmMotion, ArmPlan, ArmSweep, HammerSpot
 from jointscope.sim.excitation import Sweep, ThereAndBack
 from jointscope.sim.pulse import total_force
@@ -75,11 +84,15 @@ def sweep_take(arm: ElasticArm, plan: ArmPlan, sweep: ArmSweep, level: float, rn
     )  # fmt: skip
     held, rest, commands = _driven(arm, plan, posture, times)
     n = arm.reduction_ratio(plan.joint)
-    commands[:, held.actuator(plan.joint + TORQUE)] = n * (excitation.torque(times) + _drive_noise(plan, times, rng))
+    commands[:, held.actuator(plan.joint + TORQUE)] = n * (
+        excitation.torque(times) + _drive_noise(plan, times, rng)
+    )
     return _driven_take(plan, step_arm(held, rest, commands), posture, duration, np.zeros_like(times))
 
 
-def motion_take(arm: ElasticArm, plan: ArmPlan, motion: ArmMotion, travel: float, rng: np.random.Generator) -> Take:
+def motion_take(
+    arm: ElasticArm, plan: ArmPlan, motion: ArmMotion, travel: float, rng: np.random.Generator
+) -> Take:
     """There and back by ``travel`` [rad] at triangular speed, under the joint's drive."""
     posture = {**plan.truth.posture, plan.joint: motion.start_angle}
     duration = motion.lead + motion.motion_time + motion.trail
@@ -131,8 +144,11 @@ def _drive_noise(plan: ArmPlan, times: Real, rng: np.random.Generator) -> Real:
     share = min(0.99, 2.0 * plan.drive_noise_band * plan.timestep)
     low_pass = signal.butter(4, share, output="sos")
     noise = np.asarray(signal.sosfilt(low_pass, rng.normal(size=times.size)))
-    return noise * (plan.drive_noise / np.std(noise)) * np.clip(times / 0.1, 0.0, 1.0)
+    return np.asarray(
+        noise * (plan.drive_noise / np.std(noise)) * np.clip(times / 0.1, 0.0, 1.0), dtype=np.float64
+    )
 
 
 def _grid(plan: ArmPlan, duration: float) -> Real:
-    return np.arange(round((duration + plan.chain.reach(plan.timestep)) / plan.timestep)) * plan.timestep
+    steps = round((duration + plan.chain.reach(plan.timestep)) / plan.timestep)
+    return np.asarray(np.arange(steps) * plan.timestep, dtype=np.float64)

@@ -15,7 +15,7 @@ COMMANDS: dict[str, str] = {
     "conceal": "write recordings in which an effect is concealed, its truth sealed",
     "prove": "diagnose concealed recordings, then open the seal and score",
     "confirm": "re-run held-out experiments in MuJoCo with and without the diagnosed effect",
-    "arm": "an arm of several elastic joints: list, template, build, show, solve",
+    "arm": "an arm of several elastic joints: list, build, show, solve, identify",
     "model": "check your own simulation against a campaign: model map robot.xml CAMPAIGN",
     "reproduce": "the paper's figures and tables beside its numbers",
     "gate": "accuracy gates: claims with bounds, measured anew, for CI",

@@ -35,6 +35,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     _configure_single_joint(single)
+    arm = rigs.add_parser(
+        "six-axis", help="the paper's arm: hits on the braked arm, joint 2 swept and moved by its drive"
+    )
+    arm.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="campaign to write; must not exist yet"
+    )
+    arm.add_argument("--seed", type=int, default=0, help="of hit scatter and noise (default 0)")
+    arm.add_argument(
+        "--arm", metavar="TABLE", help="table of a UR10 with other figures (default: the solved six-axis arm)"
+    )
+    arm.add_argument(
+        "--experiments", nargs="+", choices=_EXPERIMENTS, default=_EXPERIMENTS, help="which ones (default all)"
+    )
+    arm.add_argument("--hits", type=int, default=5, metavar="N", help="at each point and posture (default 5)")
 
 
 def _configure_single_joint(parser: argparse.ArgumentParser) -> None:
@@ -76,6 +90,8 @@ def _configure_single_joint(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate and write."""
+    if options.rig == "six-axis":
+        return _run_six_axis(options)
     import json
 
     import numpy as np
@@ -107,6 +123,42 @@ def run(options: argparse.Namespace) -> int:
             + f" runs, seed {options.seed}"
         )
         print(f"next: jointscope inspect {path}")
+    return 0
+
+
+def _run_six_axis(options: argparse.Namespace) -> int:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from jointscope.errors import JointscopeError
+    from jointscope.experiments.six_axis.plans import joints_plan
+    from jointscope.models.arm.table import read_table
+    from jointscope.progress import track
+    from jointscope.sim.arm.campaign import arm_campaign, simulate_arm, write_arm_campaign
+    from jointscope.sim.arm.plan import ArmMotion, ArmSweep, lab_table
+
+    if options.out.exists() and (not options.out.is_dir() or any(options.out.iterdir())):
+        raise JointscopeError(f"--out {options.out}: exists already; choose another or remove it")
+    plan = joints_plan(options.hits)
+    if options.arm is not None:
+        truth = read_table(Path(options.arm))
+        plan = replace(plan, truth=truth, lab=lab_table(truth))
+    plan = replace(
+        plan,
+        spots=plan.spots if "hammer" in options.experiments else (),
+        sweep=ArmSweep() if "sweep" in options.experiments else None,
+        motion=ArmMotion() if "motion" in options.experiments else None,
+        title="Six-axis arm, simulated",
+    )
+    made = simulate_arm(plan, np.random.default_rng(options.seed))
+    total = (
+        sum(spot.hammer.hits for spot in plan.spots) + 2 * (plan.sweep is not None) + 2 * (plan.motion is not None)
+    )
+    runs = tuple(recording.run for recording in track(made, "simulate", total=total))
+    write_arm_campaign(arm_campaign(plan, runs), plan, options.out)
+    print(f"{options.out}: {len(runs)} runs, seed {options.seed}; arm.xml is the arm as the lab believes it")
+    print(f"next: jointscope arm identify {options.out} --out DIR")
     return 0
 
 
