@@ -19,7 +19,7 @@ from jointscope.models.parameters import Rig
 from jointscope.sim.concealed import catalogue, paperwork, rigs, strength
 from jointscope.sim.concealed.law import Draw, Effect, Law, Setting, log_between
 from jointscope.sim.concealed.measurement import Noise, noisy
-from jointscope.sim.concealed.rehearsal import Plan, rehearse
+from jointscope.sim.concealed.rehearsal import Plan, declared, rehearse
 from jointscope.sim.concealed.seal import folder_digest
 
 Real = NDArray[np.float64]
@@ -38,7 +38,7 @@ SHARES: dict[DrawKind, dict[CaseKind, float]] = {
 SET_SHARES = {"H": 0.27, "S": 0.06, "M": 0.07, "HS": 0.28, "HSM": 0.32}
 EASIEST, HARDEST = 120.0, 4.5  # z_d that is aimed at
 MATERIAL = 0.005
-_TRIES = 5
+_TRIES = 4
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,7 @@ def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:
     effects, measured = conceal(bench, kind, order, index, rng)
     clean = rehearse(bench.rig, bench.plan, effects, range(len(bench.plan.takes)))
     noise_rng = np.random.default_rng(noise_seed)
+    clean = [declared(channels, bench.plan.devices) for channels in clean]
     records = [noisy(channels, bench.plan.devices, bench.noise, noise_rng) for channels in clean]
     paper = np.random.default_rng(paper_seed)
     plate = paperwork.nameplate(bench.rig, bench.topology, paper, 0.35 if kind == "hard-null" else 0.15)

@@ -98,12 +98,13 @@ class Drive:
     """The motor's drive: a torque programme with a weak position hold, or a speed loop; PI and limit at its own cycle.
 
     Attributes:
-        kind: 0 brake, 1 torque programme, 2 speed loop.
+        kind: 0 brake, 1 torque programme, 2 speed loop, 3 a recorded torque, tied loosely to a recorded motor angle.
         programme: Torque on the motor shaft [N m] or motor speed over n [rad/s], on the stepping grid, shape (n,).
         gains: Proportional and integral (or rate and position) gain, per output unit.
         limit: Largest torque on the motor shaft [N m].
         cycle: Steps between two updates of the drive.
         resolution: Of the motor's encoder, at the output [rad].
+        reference: Kind 3: the motor angle that was recorded, over n [rad], shape (n,).
     """
 
     kind: int
@@ -112,6 +113,7 @@ class Drive:
     limit: float = np.inf
     cycle: int = 1
     resolution: float = 0.0
+    reference: Real = field(default_factory=lambda: np.zeros(1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +158,8 @@ class Plant:
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _march(
     model: int, data: int, qpos: Real, qvel: Real, qacc: Real, applied: Real, ctrl: Real, sensor: Real, gravity: Real,
-    where: tuple[int, ...], laws: tuple[LoopLaw, ...], P: Real, X: Real, drive: Real, programme: Real, push: Real,
+    where: tuple[int, ...], laws: tuple[LoopLaw, ...], P: Real, X: Real, drive: Real, programme: Real,
+    reference: Real, push: Real,
     numbers: tuple[float, ...], out: Real,
 ) -> None:  # fmt: skip
     jm, je, am, ah, acc, settle, kind, cycle, nv = where
@@ -195,6 +198,10 @@ def _march(
             if k < 0:  # settle on the arm's angle: a firm position loop
                 integral += (q0 - s[3]) * drive[3] * h * cycle
                 command = integral + (q0 - s[3]) * drive[1] - ws * drive[2]
+            elif kind == 3:
+                before = reference[k - 1] if k > 0 else reference[0]
+                speed = (reference[k] - before) / h
+                command = programme[k] + (reference[k] - qs) * ki + (speed - ws) * kp
             elif kind == 1:
                 speed = (seen - last) / (h * cycle)
                 command = integral + programme[k] + (start_motor - seen) * ki - speed * kp
@@ -293,7 +300,7 @@ def march(
         warnings.simplefilter("ignore", numba.errors.NumbaExperimentalFeatureWarning)
         _march(
             model._address, data._address, data.qpos, data.qvel, data.qacc, data.qfrc_applied, data.ctrl,
-            data.sensordata, model.opt.gravity, where, laws, P, X, hold, drive.programme, push, numbers, out,
+            data.sensordata, model.opt.gravity, where, laws, P, X, hold, drive.programme, drive.reference, push, numbers, out,
         )  # fmt: skip
     if not np.isfinite(out).all():
         raise FloatingPointError("the simulation of a concealed case diverged")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 from jointscope.atomic import replaced_file, write_text
-from jointscope.errors import InputError
+from jointscope.errors import InputError, JointscopeError
 from jointscope.progress import track
 from jointscope.sim.concealed.draw import Order, case_name, make_case
 from jointscope.sim.concealed.seal import seal, unseal, write_seal
@@ -31,8 +32,9 @@ def produce(order: Order, folder: Path, workers: int) -> str:
     _claim(order, folder)
     (folder / PARTS).mkdir(exist_ok=True)
     todo = [i for i in range(order.cases) if not _finished(folder, case_name(order, i))]
-    for _ in track(_work(order, folder, todo, workers), "concealing", len(todo)):
-        pass
+    failed = [said for said in track(_work(order, folder, todo, workers), "concealing", len(todo)) if said]
+    if failed:
+        raise JointscopeError(f"{len(failed)} of {order.cases} cases failed, the others are kept: {failed[0]}")
     cases = {}
     for i in range(order.cases):
         part = folder / PARTS / f"{case_name(order, i)}.sealed"
@@ -63,24 +65,23 @@ def _finished(folder: Path, name: str) -> bool:
     return (folder / PARTS / f"{name}.sealed").is_file() and (folder / name / "campaign.toml").is_file()
 
 
-def _one(task: tuple[Order, int, str]) -> int:
+def _one(task: tuple[Order, int, str]) -> str:
+    """Make one case; what went wrong, or nothing."""
     order, index, folder = task
     name = case_name(order, index)
     directory = Path(folder) / name
-    if (directory / "campaign.toml").is_file():  # written, but its truth was lost with the process
-        for file in directory.iterdir():
-            file.unlink()
-        directory.rmdir()
+    if directory.is_dir():  # written, but its truth was lost with the process
+        shutil.rmtree(directory)
     try:
         truth = make_case(order, index, directory)
-    except Exception as problem:  # of any kind: it has to cross a process border as text
-        raise RuntimeError(f"case {index} of seed {order.seed} ({order.draw}): {problem!r}") from None
+    except Exception as problem:  # of any kind: the other cases don't depend on it
+        return f"case {index} of seed {order.seed} ({order.draw}): {problem!r}"
     with replaced_file(Path(folder) / PARTS / f"{name}.sealed") as temporary:
         temporary.write_bytes(seal(truth))
-    return index
+    return ""
 
 
-def _work(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator[int]:
+def _work(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator[str]:
     tasks = [(order, index, str(folder)) for index in todo]
     if workers <= 1 or len(tasks) <= 1:
         yield from map(_one, tasks)

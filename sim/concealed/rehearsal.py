@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.models.parameters import Rig
+from jointscope.recordings.bandlimited import bandlimited
 from jointscope.sim.concealed import measurement
 from jointscope.sim.concealed.engine import TIMESTEP, Drive, Motion, march
 from jointscope.sim.concealed.law import Effect, Kind, Moment, Setting
@@ -16,6 +17,7 @@ from jointscope.sim.concealed.measurement import Acquisition, Devices
 from jointscope.sim.concealed.mjcf import compile_plant, settle_time
 
 Real = NDArray[np.float64]
+TIE = 1.0  # Hz
 TAIL = 0.06  # s simulated beyond a run's end, for the filters
 
 
@@ -196,10 +198,15 @@ def faults(effects: Sequence[Effect], moment: Moment) -> Acquisition:
 
 
 def clean_channels(rig: Rig, plan: Plan, index: int, effects: Sequence[Effect]) -> dict[str, Real]:
-    """The run's channels without noise, in SI; motor angle, torque and command on the motor shaft."""
-    take, devices = plan.takes[index], plan.devices
+    """Every channel of the run without noise, declared or not, in SI; motor angle, torque and command on the motor shaft."""
     moved, given = act(rig, plan, index, effects)
-    fault = faults(effects, plan.moment(index))
+    return _read(rig, plan, index, moved, given, faults(effects, plan.moment(index)))
+
+
+def _read(
+    rig: Rig, plan: Plan, index: int, moved: Motion, given: Mapping[str, Real], fault: Acquisition
+) -> dict[str, Real]:
+    take, devices = plan.takes[index], plan.devices
     h, n = moved.timestep, rig.joint.reduction_ratio
     daq = np.arange(int(take.duration * devices.daq_rate)) / devices.daq_rate
     stamps = np.arange(int(take.duration * devices.log_rate)) / devices.log_rate
@@ -212,8 +219,7 @@ def clean_channels(rig: Rig, plan: Plan, index: int, effects: Sequence[Effect]) 
     if take.braked:
         channels["force"] = read[:, 0]
     channels["acceleration"] = read[:, 1]
-    if devices.arm_encoder:
-        channels["arm"] = read[:, 2]
+    channels["arm"] = read[:, 2]
     logged = measurement.resample(
         np.column_stack([n * moved.motor, n * given["command"]]), h, looked, devices.log_rate
     )
@@ -221,9 +227,37 @@ def clean_channels(rig: Rig, plan: Plan, index: int, effects: Sequence[Effect]) 
         channels["torque"] = measurement.logged_torque(moved.torque, h, looked, devices.log_rate, fault)
         if take.kind == "speed-motion":
             channels["command"] = logged[:, 1]
-    if devices.motor_encoder:
-        channels["motor"] = logged[:, 0]
+    channels["motor"] = logged[:, 0]
     return channels
+
+
+def declared(channels: Mapping[str, Real], devices: Devices) -> dict[str, Real]:
+    """The channels that the lab's devices record."""
+    absent = {"arm"} - ({"arm"} if devices.arm_encoder else set())
+    absent |= {"motor"} - ({"motor"} if devices.motor_encoder else set())
+    return {name: y for name, y in channels.items() if name not in absent}
+
+
+def replayed(rig: Rig, plan: Plan, index: int, record: Mapping[str, Real]) -> dict[str, Real]:
+    """What ``rig`` would read under the torque that a driven run logged; nothing is assumed of the drive.
+
+    The motor is tied to the recorded motor angle by a loose spring and damper (1 Hz), so that the rig doesn't drift
+    away; what the tie can't follow is left to be compared.
+    """
+    take, devices, joint = plan.takes[index], plan.devices, rig.joint
+    setting = plan.setting
+    assert setting is not None
+    times = grid(take)
+    torque = bandlimited(record["torque"], devices.log_rate)(times)
+    motor = bandlimited(record["motor"], devices.log_rate)(times) / joint.reduction_ratio
+    plant = compile_plant(rig, (), setting, plan.moment(index), take.angle)
+    w = 2.0 * np.pi * TIE
+    inertia = (joint.reflected_inertia + joint.load_inertia) / plant.ratio
+    what = Drive(3, torque, (1.4 * w * inertia, w**2 * inertia), np.inf, 1, 0.0, motor)
+    moved = march(plant, start=take.angle, push=np.zeros(times.size), drive=what, gravity=rig.gravity)
+    return _read(
+        rig, plan, index, moved, {"force": np.zeros(times.size), "command": what.programme}, Acquisition()
+    )
 
 
 def rehearse(rig: Rig, plan: Plan, effects: Sequence[Effect], runs: Sequence[int]) -> list[dict[str, Real]]:

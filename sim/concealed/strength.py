@@ -1,8 +1,8 @@
 r"""How hard a case is, by two numbers computed with the truth and its own simulator; they are sealed with it.
 
-With r the whitened difference between the recordings' clean channels with and without the effect, and P the projection
-off everything that a fit of the base can absorb: base parameters, each hit's gain and timing, and in driven runs
-whatever torque the drive chose (only the consistency of torque, angles and acceleration counts, bin by bin):
+With r what the refitted base leaves of the recordings' outputs, given their inputs, whitened, and P the projection off
+what a fit can absorb besides (each hit's gain and timing). Hits are driven by the measured force; driven runs by the
+logged torque, the model tied loosely to the logged motor angle, so that nothing is assumed of the drive.
 
 z   = |P r|: how far the best base stays away from the truth, in standard deviations;
 z_d = min over the rivals of |P' r|, P' also off the rival's own directions: how far the best wrong name stays away.
@@ -13,7 +13,7 @@ The runs used are a share of the case's; the sums are scaled up to all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from jointscope.models.joint import load_acceleration_per_torque, motor_accelera
 from jointscope.models.parameters import Joint, Rig
 from jointscope.sim.concealed.law import Effect
 from jointscope.sim.concealed.measurement import Noise, noise_spectrum
-from jointscope.sim.concealed.rehearsal import Plan, rehearse
+from jointscope.sim.concealed.rehearsal import TIE, Plan, clean_channels, declared, rehearse, replayed
 
 Real = NDArray[np.float64]
 Record = list[dict[str, Real]]
@@ -56,17 +56,18 @@ class Yardstick:
     Attributes:
         runs: Which runs stand for all.
         base: Clean channels without any effect.
-        tangents: Orthonormal basis of what the base absorbs, whitened, shape (n, k).
+        origin: Whitened misfit of the base on its own recordings (interpolation only).
+        columns: What each free parameter's step takes away, shape (n, k).
+        tangents: Orthonormal basis of all that is absorbed, shape (n, m).
     """
 
     rig: Rig
     plan: Plan
-    noise: Noise
     runs: tuple[int, ...]
     scale: float
     base: Record = field(repr=False)
-    scales: Sequence[_Scale] = field(repr=False)
-    whitener: Callable[[Record], Real] = field(repr=False)
+    weights: Sequence[Mapping[str, Real]] = field(repr=False)
+    origin: Real = field(repr=False)
     columns: Real = field(repr=False)
     steps: Mapping[str, float] = field(repr=False)
     tangents: Real = field(repr=False)
@@ -82,121 +83,110 @@ def changed(rig: Rig, changes: Mapping[str, float]) -> Rig:
 
 
 def representatives(plan: Plan) -> tuple[int, ...]:
-    """Four hits over the levels, two sweeps, two motions, spread over the session."""
+    """Three hits over the levels, a sweep and a motion at the largest level and one more of what is alone."""
     chosen: list[int] = []
-    for kind, count in (("hammer", 4), ("torque-sweep", 2), ("speed-motion", 2)):
+    kinds = {take.kind for take in plan.takes}
+    driven = 1 if len(kinds) > 2 else 2
+    for kind, count in (("hammer", 3), ("torque-sweep", 2), ("speed-motion", driven)):
         of_kind = [i for i, take in enumerate(plan.takes) if take.kind == kind]
         by_size = sorted(
             of_kind, key=lambda i: plan.takes[i].force + plan.takes[i].amplitude + plan.takes[i].travel
         )
-        places = np.unique(np.linspace(0, len(by_size) - 1, min(count, len(by_size))).round().astype(int))
+        places = np.unique(np.linspace(len(by_size) - 1, 0, min(count, len(by_size))).round().astype(int))
         chosen += [by_size[i] for i in places]
     return tuple(sorted(chosen))
 
 
-@dataclass(frozen=True, eq=False)
-class _Scale:
-    """How one run is whitened: each channel's weight per bin, and the direction in which the drive is free.
+def _weights(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> list[dict[str, Real]]:
+    """By run and output channel, the factor per bin that makes noise white, shape (n // 2 + 1,).
 
-    Attributes:
-        weights: By channel, shape (n // 2 + 1,).
-        drive: By channel, what an arbitrary torque of the drive does, whitened and of unit length per bin; empty for
-            a braked run. Taking it out leaves what the physics says and nothing of what the drive chose.
+    In driven runs the noise of the torque log counts too: it drives the model.
     """
-
-    weights: Mapping[str, Real]
-    drive: Mapping[str, NDArray[np.complex128]]
-
-
-def _scales(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> list[_Scale]:
-    scales = []
-    for place, run in enumerate(runs):
+    out = []
+    for run, channels in zip(runs, base, strict=True):
+        shown = declared(channels, plan.devices)
         weights: dict[str, Real] = {}
-        for name, y in base[place].items():
-            if name in ("force", "command"):
+        for name in ("acceleration", "arm", "motor"):
+            if name not in shown or (name == "motor" and plan.takes[run].braked):
                 continue
-            rate = plan.devices.daq_rate if name in ("acceleration", "arm") else plan.devices.log_rate
+            y = shown[name]
+            rate = plan.devices.log_rate if name == "motor" else plan.devices.daq_rate
             power = noise_spectrum(name, float(np.std(y)), y.size, rate, plan.devices, noise)
+            if not plan.takes[run].braked:
+                power = power + noise.torque**2 * _torque_to(name, rig, plan, power.size, y.size / rate)
             bins = np.arange(power.size)
             two_sided = np.where((bins == 0) | (2 * bins == y.size), 1.0, 2.0)
             weights[name] = np.where(bins / y.size <= 0.40, np.sqrt(two_sided / (power * y.size)), 0.0)
-        free = {} if plan.takes[run].braked else _drive_direction(rig, plan, weights, plan.takes[run].duration)
-        scales.append(_Scale(weights, free))
-    return scales
+        out.append(weights)
+    return out
 
 
-def _drive_direction(
-    rig: Rig, plan: Plan, weights: Mapping[str, Real], duration: float
-) -> dict[str, NDArray[np.complex128]]:
+def _torque_to(name: str, rig: Rig, plan: Plan, bins: int, duration: float) -> Real:
+    """|channel over motor torque|^2 of the tied rig per bin, at the sampling rates' ratio, shape (bins,)."""
     joint = rig.joint
-    bins = max(w.size for w in weights.values())
     s = np.asarray(2j * np.pi * np.arange(1, bins) / duration, dtype=np.complex128)
+    w = 2.0 * np.pi * TIE
+    tied = s**2 / (s**2 + 1.4 * w * s + w**2)
     ratio = joint.efficiency * joint.reduction_ratio
-    arm = ratio * load_acceleration_per_torque(joint, s)
-    high_pass = s / (s + 2.0 * np.pi * plan.devices.low_cutoff)
-    response = {
-        "torque": np.ones_like(s),
-        "acceleration": rig.accelerometer_radius * arm * high_pass,
-        "arm": arm / s**2,
-        "motor": joint.reduction_ratio * ratio * motor_acceleration_per_torque(joint, s) / s**2,
-    }
-    sizes = {"torque": plan.devices.log_rate, "motor": plan.devices.log_rate}
-    directions = {}
-    for name, weight in weights.items():
-        rate = sizes.get(name, plan.devices.daq_rate)  # an rfft grows with the rate
-        g = np.zeros(bins, dtype=np.complex128)
-        g[1 : weight.size] = response[name][: weight.size - 1] * weight[1:] * rate
-        directions[name] = g
-    if "motor" in directions:
-        directions["motor"][0] = 1.0  # where the rig stands is the drive's affair
-    length = np.sqrt(sum(np.abs(g) ** 2 for g in directions.values()))
-    return {name: (g / np.maximum(length, 1e-300))[: weights[name].size] for name, g in directions.items()}
+    if name == "motor":
+        response = joint.reduction_ratio * ratio * motor_acceleration_per_torque(joint, s) / s**2
+    else:
+        response = ratio * load_acceleration_per_torque(joint, s)
+        response = response * rig.accelerometer_radius if name == "acceleration" else response / s**2
+    squared = np.abs(response * tied) ** 2
+    rate = plan.devices.log_rate if name == "motor" else plan.devices.daq_rate
+    inside = np.arange(1, bins) / duration < 0.45 * plan.devices.log_rate
+    squared = np.where(inside, squared, 0.0) * rate / plan.devices.log_rate
+    return np.concatenate([squared[:1], squared])  # a constant torque is caught by the tie, as the slowest bin is
 
 
-def _whiten(record: Record, scales: Sequence[_Scale]) -> Real:
+def _whiten(misfits: Record, weights: Sequence[Mapping[str, Real]]) -> Real:
     parts: list[Real] = []
-    for channels, scale in zip(record, scales, strict=True):
-        spectra = {name: np.fft.rfft(channels[name]) * w for name, w in scale.weights.items()}
-        if scale.drive:
-            bins = max(spectrum.size for spectrum in spectra.values())
-            chosen = np.zeros(bins, dtype=np.complex128)
-            for name, g in scale.drive.items():
-                chosen[: g.size] += np.conj(g) * spectra[name]
-            spectra = {name: spectra[name] - g * chosen[: g.size] for name, g in scale.drive.items()}
-        for spectrum in spectra.values():
+    for channels, weight in zip(misfits, weights, strict=True):
+        for name, w in weight.items():
+            spectrum = np.fft.rfft(channels[name]) * w
             parts += [spectrum.real, spectrum.imag]
     return np.concatenate(parts)
+
+
+def _misfit(rig: Rig, plan: Plan, runs: Sequence[int], record: Record, base: Record | None) -> Record:
+    """What ``rig`` leaves of the recordings' outputs, given the recordings' inputs; ``base``: its hits, if known."""
+    out: Record = []
+    for place, run in enumerate(runs):
+        if not plan.takes[run].braked:
+            model = replayed(rig, plan, run, record[place])
+        elif base is not None:
+            model = base[place]
+        else:
+            model = clean_channels(rig, plan, run, ())
+        out.append({name: record[place][name] - model[name] for name in ("acceleration", "arm", "motor")})
+    return out
 
 
 def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
     """Simulate the base and what it can absorb."""
     runs = representatives(plan)
     base = rehearse(rig, plan, (), runs)
-    scales = _scales(rig, plan, noise, runs, base)
-
-    def whiten(record: Record) -> Real:
-        return _whiten(record, scales)
-
-    origin = whiten(base)
+    weights = _weights(rig, plan, noise, runs, base)
+    origin = _whiten(_misfit(rig, plan, runs, base, base), weights)
     braked_only = all(plan.takes[i].braked for i in runs)
     columns: list[Real] = []
     steps: dict[str, float] = {}
     for name in FREE:
         if (braked_only and name in ("motor_damping", "load_damping")) or getattr(rig.joint, name) <= 0.0:
             continue
-        columns.append(whiten(rehearse(changed(rig, {name: _STEP}), plan, (), runs)) - origin)
+        misfit = _misfit(changed(rig, {name: _STEP}), plan, runs, base, None)
+        columns.append(origin - _whiten(misfit, weights))
         steps[name] = _STEP
-    nuisance = _scatter(plan, noise, runs, base, whiten)
     matrix = np.column_stack(columns)
+    nuisance = _scatter(plan, runs, base, weights)
     return Yardstick(
-        rig=rig, plan=plan, noise=noise, runs=runs, scale=len(plan.takes) / len(runs), base=base, scales=scales, whitener=whiten,
+        rig=rig, plan=plan, runs=runs, scale=len(plan.takes) / len(runs), base=base, weights=weights, origin=origin,
         columns=matrix, steps=steps, tangents=_orthonormal(np.column_stack([matrix, *nuisance])),
     )  # fmt: skip
 
 
-def _scatter(
-    plan: Plan, noise: Noise, runs: Sequence[int], base: Record, whiten: Callable[[Record], Real]
-) -> list[Real]:
+def _scatter(plan: Plan, runs: Sequence[int], base: Record, weights: Sequence[Mapping[str, Real]]) -> list[Real]:
     """Each hit's gain and timing, as directions that are free (their scatter is far above what a hit resolves)."""
     out: list[Real] = []
     for place, run in enumerate(runs):
@@ -205,10 +195,9 @@ def _scatter(
         for derivative in (False, True):
             record = [{name: np.zeros_like(y) for name, y in channels.items()} for channels in base]
             for name in ("acceleration", "arm"):
-                if name in base[place]:
-                    y = base[place][name] - base[place][name][0]
-                    record[place][name] = np.gradient(y) * plan.devices.daq_rate * 1e-4 if derivative else 0.01 * y
-            out.append(whiten(record))
+                y = base[place][name] - base[place][name][0]
+                record[place][name] = np.gradient(y) * plan.devices.daq_rate * 1e-4 if derivative else 0.01 * y
+            out.append(_whiten(record, weights))
     return out
 
 
@@ -228,19 +217,20 @@ def residual(yard: Yardstick, effects: Sequence[Effect]) -> tuple[Real, float]:
 
     Two chord steps move the base to where it fits best, so that a large effect is not judged at the wrong parameters.
     """
-    truth_record = rehearse(yard.rig, yard.plan, effects, yard.runs)
-    truth = yard.whitener(truth_record)
+    truth = rehearse(yard.rig, yard.plan, effects, yard.runs)
     names = list(yard.steps)
     change = np.zeros(len(names))
-    best = truth - yard.whitener(yard.base)
+    best = _whiten(_misfit(yard.rig, yard.plan, yard.runs, truth, yard.base), yard.weights) - yard.origin
     size = float(np.linalg.norm(off(yard.tangents, best)))
     free = np.column_stack([yard.columns, yard.tangents])
     for _ in range(2):
         step = np.linalg.lstsq(free, best, rcond=1e-9)[0][: change.size]
+        if float(np.max(np.abs(step))) < 0.25:  # half a per cent: the tangent is good enough
+            break
         for share in (1.0, 0.4, 0.15):
             trial = np.clip(change + share * step, -40.0, 40.0)
             rig = changed(yard.rig, {n: yard.steps[n] * c for n, c in zip(names, trial, strict=True)})
-            left = truth - yard.whitener(rehearse(rig, yard.plan, (), yard.runs))
+            left = _whiten(_misfit(rig, yard.plan, yard.runs, truth, None), yard.weights) - yard.origin
             new = float(np.linalg.norm(off(yard.tangents, left)))
             if new < size:
                 break
@@ -250,14 +240,14 @@ def residual(yard: Yardstick, effects: Sequence[Effect]) -> tuple[Real, float]:
         if gained < 0.05 * size:
             break
     r = off(yard.tangents, best)
-    return r, _materiality(yard, r, truth_record)
+    return r, _materiality(yard, r, truth)
 
 
 def _materiality(yard: Yardstick, r: Real, truth: Record) -> float:
     """NRMSE of the acceleration that the refitted base leaves, over the runs."""
     missed, whole, place = 0.0, 0.0, 0
-    for channels, scale in zip(truth, yard.scales, strict=True):
-        for name, weight in scale.weights.items():
+    for channels, weights in zip(truth, yard.weights, strict=True):
+        for name, weight in weights.items():
             n = weight.size
             if name == "acceleration":
                 part = r[place : place + n] + 1j * r[place + n : place + 2 * n]
@@ -270,9 +260,10 @@ def _materiality(yard: Yardstick, r: Real, truth: Record) -> float:
 
 
 def direction(yard: Yardstick, rival: Effect) -> Real:
-    """What a rival of ordinary size would add, off the base's tangents."""
+    """What a rival would add, off the base's tangents."""
     record = rehearse(yard.rig, yard.plan, (rival,), yard.runs)
-    return off(yard.tangents, yard.whitener(record) - yard.whitener(yard.base))
+    misfit = _misfit(yard.rig, yard.plan, yard.runs, record, yard.base)
+    return off(yard.tangents, _whiten(misfit, yard.weights) - yard.origin)
 
 
 def measure(yard: Yardstick, effects: Sequence[Effect], against: Mapping[str, Real]) -> Strength:
