@@ -45,6 +45,7 @@ class Response:
     motor_moves: bool
     spring: bool
     key: tuple[object, ...]
+    phased: bool = True  # False where the clocks of input and output are not known to agree
 
 
 def channel_key(output: Output) -> tuple[object, ...]:
@@ -52,8 +53,8 @@ def channel_key(output: Output) -> tuple[object, ...]:
     return (output.quantity, output.location, output.direction, output.radius, output.rate, output.device)
 
 
-def responses(runs: tuple[PreparedRun, ...]) -> tuple[Response, ...]:
-    """One pooled H1 per kind of channel, input and boundary."""
+def responses(runs: tuple[PreparedRun, ...], *, exact: bool = False) -> tuple[Response, ...]:
+    """One pooled H1 per kind of channel, input and boundary; ``exact``: clocks of uncertain start are aligned already."""
     pools: dict[tuple[object, ...], list[tuple[Vector, Vector, float, PreparedRun, Output]]] = {}
     for run in runs:
         by_motor = run.motor is not None and (run.load is None or not np.any(run.load_half))
@@ -67,7 +68,7 @@ def responses(runs: tuple[PreparedRun, ...]) -> tuple[Response, ...]:
             y = output.data / _to_joint(run, output)
             key = (*channel_key(output), by_motor, run.motor_moves, run.spring)
             pools.setdefault(key, []).append((drive[grid], y, output.rate, run, output))
-    return tuple(r for pool in pools.values() for r in (_pooled(pool),) if r is not None)
+    return tuple(r for pool in pools.values() for r in (_pooled(pool, exact),) if r is not None)
 
 
 def _to_joint(run: PreparedRun, output: Output) -> float:
@@ -75,7 +76,7 @@ def _to_joint(run: PreparedRun, output: Output) -> float:
     return factor * ((output.radius or 1.0) if output.quantity == "linear-acceleration" else 1.0)
 
 
-def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]]) -> Response | None:
+def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]], exact: bool) -> Response | None:
     """H1 over runs and overlapping Hann segments (hits: whole records)."""
     rate, run, output = pool[0][2], pool[0][3], pool[0][4]
     length = max(u.size for u, *_ in pool)
@@ -120,7 +121,15 @@ def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]]) -> Re
         run.motor_moves,
         run.spring,
         channel_key(output),
+        exact or all(_one_clock(run, output) for *_, run, output in pool),
     )
+
+
+def _one_clock(run: PreparedRun, output: Output) -> bool:
+    """Whether the input's and the output's clocks are known to agree."""
+    source = run.motor if run.load is None or not np.any(run.load_half) else run.load
+    same = source is None or source.device == output.device
+    return same or all(stream.start_uncertainty == 0.0 for stream in run.run.streams)
 
 
 def model_response(theta: dict[str, float], response: Response) -> Complex:
@@ -179,6 +188,8 @@ def polarities(theta: Vector, measured: tuple[Response, ...]) -> dict[tuple[obje
     named = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
     found: dict[tuple[object, ...], float] = {}
     for response in measured:
+        if not response.phased:
+            continue
         agreement = _agreement(response, model_response(named, response))
         if abs(agreement) > abs(found.get(response.key, 0.0)):
             found[response.key] = agreement
@@ -215,7 +226,8 @@ def _misfit(theta: dict[str, float], measured: tuple[Response, ...]) -> Vector:
         ratio = np.log((_sign(response, model) * response.H + 1e-300) / (model + 1e-300))
         size = np.sqrt(response.weight.sum() + 1e-12)
         rows.append(response.weight * np.real(ratio) / size)
-        rows.append(response.weight * np.imag(ratio) / size)
+        if response.phased:
+            rows.append(response.weight * np.imag(ratio) / size)
     return np.concatenate(rows)
 
 

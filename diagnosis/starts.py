@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.alignment import aligned, uncertain
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.parameters import base_spec, bounded, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
@@ -33,10 +34,22 @@ Vector = NDArray[np.float64]
 
 
 def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
-    """The problem with start values, polarity, drive law and typical sizes."""
+    """The problem with start values, polarity, drive law, clocks of unknown start and typical sizes."""
     rig = campaign.rig
+    problem = _started(rig, runs)
+    if any(uncertain(run.run, device) > 0.0 for run in runs for device in range(len(run.run.streams))):
+        problem = aligned(problem, problem.base.start)
+        again = _started(rig, problem.runs, exact=True)
+        problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
+    base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
+    problem = replace(problem, base=bounded(base, problem.runs))
+    return replace(problem, scales=typical_sizes(problem))
+
+
+def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = False) -> Problem:
+    """Start values from whichever candidate comes nearest; ``exact`` says that uncertain clocks are aligned already."""
     base = base_spec(rig, runs)
-    measured = responses(runs)
+    measured = responses(runs, exact=exact)
     slow = rigid_start(base, runs, base.start)
     quick = fitted(base, measured, (base.start,) if slow is None else (base.start, slow))
     candidates = [start for start in (quick, slow, base.start) if start is not None]
@@ -51,10 +64,7 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
         torque_calibrated=torque_calibrated(runs),
         findings=findings,
     )
-    base = replace(base, start=min(candidates, key=lambda start: _misfit(problem, start)))
-    base = _with_drive(base, runs, _drive(campaign, rig, base), rig)
-    problem = replace(problem, base=bounded(base, runs))
-    return replace(problem, scales=typical_sizes(problem))
+    return replace(problem, base=replace(base, start=min(candidates, key=lambda start: _misfit(problem, start))))
 
 
 def _misfit(problem: Problem, start: Vector) -> float:

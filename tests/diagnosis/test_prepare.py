@@ -235,3 +235,15 @@ def test_refuses_what_it_cannot_use(bench, builders):
     silent = tuple(edited(run, lambda c: c if c.role == "output" else None) for run in bench.runs)
     with pytest.raises(RefusedError, match="no run holds"):
         prepare(dataclasses.replace(bench, runs=silent))
+
+
+def test_an_unknown_start_is_found_and_is_no_effect(builders, plant):
+    """The PLC's clock stated 37 ms wrong with start_uncertainty: the offset comes out, and delay is no candidate."""
+    run = builders.sweep_run(plant, 30.0, "s")
+    daq, plc = run.streams
+    run = dataclasses.replace(run, streams=(daq, dataclasses.replace(plc, start=0.037, start_uncertainty=0.02)))
+    problem = prepare(builders.campaign_of([builders.hammer_run(plant, 100.0, "h", duration=0.6), run]))
+    motor = problem.runs[1].motor
+    assert motor is not None and motor.signal.start == pytest.approx(0.0, abs=1e-4)
+    delay = next(s for s in catalogue(problem) if s.name == "delay")
+    assert "exact" in (delay.possible(problem) or "")
