@@ -77,7 +77,7 @@ def quiet_start(run: Run, signal: Signal) -> Real | None:
             return _between(x, pulses[0].last, rate)
     quiet = x[: max(count, 0)]
     quiet = quiet[np.isfinite(quiet)]
-    if quiet.size < 16 or _scatter(quiet) > 0.1 * float(np.nanstd(x)):
+    if quiet.size < 16 or _scatter(quiet) > 0.25 * float(np.nanstd(x)):
         return None
     return quiet
 

@@ -1,0 +1,50 @@
+"""What is wrong with the recordings, before any fit: what channels show alone, and where they contradict each other.
+
+Channels that share a run must agree with each other, with gravity and with the nameplate. Where they don't, and one
+factor known from unit and wiring mistakes would make them agree, that factor is named with the line to paste.
+Nothing is corrected.
+"""
+
+from __future__ import annotations
+
+from jointscope.identification.quality_clocks import clock_findings
+from jointscope.identification.quality_coherence import coherence_findings
+from jointscope.identification.quality_factors import factor_findings
+from jointscope.identification.quality_gravity import gravity_findings, static_relations
+from jointscope.identification.quality_relations import run_relations
+from jointscope.recordings.campaign import Campaign, Run
+from jointscope.recordings.finding import Finding
+from jointscope.recordings.quality import recorded_findings
+
+
+def findings(campaign: Campaign) -> list[Finding]:
+    """Everything ``inspect`` reports: findings of single channels, then those of channels against each other.
+
+    Arms with several joints get the former only: what their channels owe each other needs the arm's model.
+    """
+    found = recorded_findings(campaign)
+    if campaign.rig.topology != "arm":
+        for run in campaign.runs:
+            found += _of_run(run, campaign, found)
+        found += coherence_findings(campaign)
+    return _without_repeats(found, campaign)
+
+
+def _of_run(run: Run, campaign: Campaign, known: list[Finding]) -> list[Finding]:
+    unusable = {f.channel for f in known if f.run == run.id and f.finding == "dead-channel"}
+    relations = [*run_relations(run, campaign.rig), *static_relations(run, campaign.rig)]
+    relations = [r for r in relations if not any(p.signal.channel.column in unusable for p in r.parties)]
+    mistakes = factor_findings(run, relations, campaign.rig)
+    named = {finding.channel for finding in mistakes}
+    return [*mistakes, *gravity_findings(run, campaign.rig, named), *clock_findings(run, campaign.rig, named)]
+
+
+def _without_repeats(found: list[Finding], campaign: Campaign) -> list[Finding]:
+    """One finding of a name per channel and run, the one with a line to paste first; in the order of the runs."""
+    order = {run.id: place for place, run in enumerate(campaign.runs)}
+    kept: dict[tuple[str, str, str], Finding] = {}
+    for finding in found:
+        key = (finding.finding, finding.run, finding.channel)
+        if key not in kept or (kept[key].toml is None and finding.toml is not None):
+            kept[key] = finding
+    return sorted(kept.values(), key=lambda finding: order.get(finding.run, len(order)))
