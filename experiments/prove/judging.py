@@ -45,6 +45,7 @@ class Judged:
     kind: str
     band: str
     experiments: str
+    hard: bool
     departs: bool
     listed: bool
     z_d: float
@@ -91,7 +92,7 @@ def judge(truth: Mapping[str, Any], answer: Answer) -> Judged:
     error, covered = _parameter(said_all, truth) if named else (math.nan, None)
     probability = said_all.get("verdict_probability")
     return Judged(
-        case=truth["case"], kind=truth["kind"], band=band, experiments=truth["experiments"],
+        case=truth["case"], kind=truth["kind"], band=band, experiments=truth["experiments"], hard=truth["hard"],
         departs=any(effect["departs"] for effect in truth["effects"]), listed=listed,
         z_d=truth["strength"]["z_d"] if truth["strength"] else math.nan, status=answer.status, verdict=verdict,
         reason=str(said_all.get("unknown_reason") or ""), seconds=answer.seconds, truth=labels, said=said, exact=exact,
@@ -111,7 +112,7 @@ def _right(
     kind: str, band: str, listed: bool, labels: tuple[str, ...], said: tuple[str, ...], verdict: str,
     diagnosis: Mapping[str, Any],
 ) -> bool:  # fmt: skip
-    if kind in ("null", "hard-null"):
+    if kind == "null":
         return verdict == "none"
     if not listed:
         return verdict == "unknown"

@@ -77,7 +77,7 @@ def share_of(judged: Iterable[Judged], right: Callable[[Judged], bool]) -> Share
 
 def nulls(judged: Iterable[Judged]) -> list[Judged]:
     """Cases in which nothing is concealed."""
-    return [j for j in judged if j.kind in ("null", "hard-null")]
+    return [j for j in judged if j.kind == "null"]
 
 
 def singles(judged: Iterable[Judged], *bands: str) -> list[Judged]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from jointscope import __version__
 from jointscope.atomic import write_text
-from jointscope.experiments.prove import diagnosing, measures, page, pictures
+from jointscope.experiments.prove import diagnosing, leak, measures, page, pictures
 from jointscope.experiments.prove.judging import Judged, judge
 from jointscope.sim.concealed.seal import SealError, folder_digest, open_seal, sealed_digest
 
@@ -41,6 +42,7 @@ def prove(folder: Path, out: Path, *, workers: int, limit: float, first: int | N
             raise SealError(folder / answer.case, None, "isn't the campaign that was sealed", fix="draw again")
         judged.append(judge(known, answer))
     summary = summarise(judged, truth["order"], seal, openings)
+    summary["leak"] = _leak(folder, judged)
     write_text(out / "summary.json", json.dumps(summary, indent=1, sort_keys=True) + "\n")
     write_text(out / "judged.json", json.dumps(measures.as_json(judged), indent=1) + "\n")
     write_text(out / "proof.md", page.page(summary))
@@ -55,6 +57,15 @@ def _count_opening(folder: Path, seal: str) -> int:
     held.append({"seal": seal, "version": __version__})
     write_text(file, json.dumps(held) + "\n")
     return sum(entry["seal"] == seal for entry in held)
+
+
+def _leak(folder: Path, judged: list[Judged]) -> dict[str, Any] | None:
+    """Whether the metadata tell nulls from the rest; needs enough of both."""
+    concealed = [bool(j.truth) for j in judged]
+    if min(sum(concealed), len(judged) - sum(concealed)) < 10:
+        return None
+    found = leak.probe_draw(folder, [j.case for j in judged], concealed)
+    return {**asdict(found), "at_chance": found.at_chance}
 
 
 def summarise(judged: list[Judged], order: dict[str, Any], seal: str, openings: int) -> dict[str, Any]:

@@ -23,16 +23,16 @@ from jointscope.sim.concealed.rehearsal import Plan, declared, rehearse
 from jointscope.sim.concealed.seal import folder_digest
 
 Real = NDArray[np.float64]
-CaseKind = Literal["null", "hard-null", "single", "pair", "unlisted", "undecidable"]
+CaseKind = Literal["null", "single", "pair", "unlisted", "undecidable"]
 DrawKind = Literal["nulls", "singles", "pairs", "unlisted", "undecidable", "mixed"]
 SHARES: dict[DrawKind, dict[CaseKind, float]] = {
-    "nulls": {"null": 2 / 3, "hard-null": 1 / 3},
+    "nulls": {"null": 1.0},
     "singles": {"single": 1.0},
     "pairs": {"pair": 1.0},
     "unlisted": {"unlisted": 1.0},
     "undecidable": {"undecidable": 1.0},
     "mixed": {
-        "null": 0.22, "hard-null": 0.11, "single": 0.34, "pair": 0.165, "unlisted": 0.11, "undecidable": 0.055,
+        "null": 0.33, "single": 0.34, "pair": 0.165, "unlisted": 0.11, "undecidable": 0.055,
     },
 }  # fmt: skip
 SET_SHARES = {"H": 0.27, "S": 0.06, "M": 0.07, "HS": 0.28, "HSM": 0.32}
@@ -53,13 +53,19 @@ class Order:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A case before anything is concealed in it."""
+    """A case before anything is concealed in it.
+
+    Attributes:
+        hard: Whether noise is coloured, level dependent and with outliers, hits scatter more, and the nameplate's rough
+            values are far off; as often with an effect as without.
+    """
 
     rig: Rig
     plan: Plan
     noise: Noise
     experiments: str
     topology: Literal["two-inertia", "single-dof"]
+    hard: bool
 
     @property
     def setting(self) -> Setting:
@@ -79,7 +85,7 @@ def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:
     root = np.random.SeedSequence([order.seed, index])
     kinds, bench_seed, effect_seed, noise_seed, paper_seed = root.spawn(5)
     kind = _kind(order, np.random.default_rng(kinds))
-    bench = draw_bench(np.random.default_rng(bench_seed), order.draw, hard=kind == "hard-null")
+    bench = draw_bench(np.random.default_rng(bench_seed), order.draw)
     rng = np.random.default_rng(effect_seed)
     effects, measured = conceal(bench, kind, order, index, rng)
     clean = rehearse(bench.rig, bench.plan, effects, range(len(bench.plan.takes)))
@@ -87,7 +93,7 @@ def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:
     clean = [declared(channels, bench.plan.devices) for channels in clean]
     records = [noisy(channels, bench.plan.devices, bench.noise, noise_rng) for channels in clean]
     paper = np.random.default_rng(paper_seed)
-    plate = paperwork.nameplate(bench.rig, bench.topology, paper, 0.35 if kind == "hard-null" else 0.15)
+    plate = paperwork.nameplate(bench.rig, bench.topology, paper, 0.35 if bench.hard else 0.15)
     case = paperwork.campaign(bench.rig, bench.plan, records, plate, paper)
     paperwork.write_case(case, directory)
     return _truth(
@@ -100,12 +106,12 @@ def _kind(order: Order, rng: np.random.Generator) -> CaseKind:
     return list(shares)[int(rng.choice(len(shares), p=np.array(list(shares.values())) / sum(shares.values())))]
 
 
-def draw_bench(rng: np.random.Generator, draw: Draw, *, hard: bool, experiments: str | None = None) -> Bench:
+def draw_bench(rng: np.random.Generator, draw: Draw, *, experiments: str | None = None) -> Bench:
     """Rig, runs, devices and noise of a case."""
     names = list(SET_SHARES)
     chosen = names[int(rng.choice(len(names), p=list(SET_SHARES.values())))]
     experiments = experiments or chosen
-    vertical, single = rng.random() < 0.65, rng.random() < 0.3
+    vertical, single, hard = rng.random() < 0.65, rng.random() < 0.3, bool(rng.random() < 1 / 3)
     rig = rigs.draw_rig(rng, draw, vertical=bool(vertical))
     kinds = rigs.SETS[experiments]
     plan = rigs.draw_plan(rng, draw, rig, kinds)
@@ -117,14 +123,14 @@ def draw_bench(rng: np.random.Generator, draw: Draw, *, hard: bool, experiments:
     topology: Literal["two-inertia", "single-dof"] = (
         "single-dof" if single and experiments == "H" else "two-inertia"
     )
-    return Bench(rig, plan, noise, experiments, topology)
+    return Bench(rig, plan, noise, experiments, topology, hard)
 
 
 def conceal(
     bench: Bench, kind: CaseKind, order: Order, index: int, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], strength.Strength | None]:
     """The effects of a case, and how hard it is."""
-    if kind in ("null", "hard-null"):
+    if kind == "null":
         return (), None
     yard = strength.yardstick(bench.rig, bench.plan, bench.noise)
     target = log_between(HARDEST, EASIEST, float(rng.random()))
@@ -259,6 +265,7 @@ def _truth(
         "draw": order.draw,
         "experiments": bench.experiments,
         "topology": bench.topology,
+        "hard": bench.hard,
         "channels": sorted({name for record in records for name in record}),
         "effects": [
             {

@@ -170,7 +170,7 @@ def settle_scales(rig: Rig, plan: Plan, kinds: tuple[Kind, ...]) -> Plan:
 
 
 def draw_noise(rng: np.random.Generator, draw: Draw, plan: Plan, *, hard: bool) -> Noise:
-    """Noise of every channel; ``hard`` nulls have more colour, more level dependence, more scatter, more outliers."""
+    """Noise of every channel; ``hard`` cases have more colour, more level dependence, more scatter, more outliers."""
     ranges = RANGES[draw]
     setting = plan.setting
     assert setting is not None

@@ -235,7 +235,7 @@ def maxwell_ladder(loss: float, stiffness: float, slope: float, centre: float) -
     Returns:
         Count, then stiffness [N m/rad] and relaxation time [s] of each.
     """
-    frequencies = np.geomspace(0.4, 1600.0, 12)
+    frequencies = np.geomspace(0.05, 12000.0, 16)
     step = np.log(frequencies[1] / frequencies[0])
     k = loss * stiffness * (2.0 / np.pi) * step * (frequencies / centre) ** slope * np.cos(0.5 * np.pi * slope)
     pairs: list[float] = []
