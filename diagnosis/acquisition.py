@@ -79,7 +79,7 @@ def relogged(samples: Vector, rate: float, log_rate: float, kind: str) -> Vector
     padded = np.concatenate([np.full(pad, samples[0]), samples, np.full(pad, samples[-1])])
     ramp = np.linspace(padded[0], padded[-1], padded.size)
     spectrum = np.fft.rfft(padded - ramp)
-    f = np.fft.rfftfreq(padded.size, 1.0 / rate)
+    f = np.asarray(np.fft.rfftfreq(padded.size, 1.0 / rate), dtype=np.float64)
     size = np.sinc(f * window)
     delay = 0.5 * window
     if kind == "held":

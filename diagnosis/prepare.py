@@ -284,7 +284,7 @@ def prepare_inputs(campaign: Campaign) -> Problem:
 
     if campaign.rig.topology == "arm":
         raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
-    runs = []
+    runs: list[PreparedRun] = []
     for run in campaign.runs:
         prepared = _prepare_run(run, campaign.rig, len(runs), inputs_only=True)
         if prepared is None:

@@ -83,7 +83,8 @@ def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]], exact
     impact = run.run.experiment == "hammer"
     if not impact:
         length = min(length, 2 ** int(np.log2(max(4.0 * rate, 256.0))))
-    Suu, Suy, Syy, count = 0.0, 0.0, 0.0, 0
+    n_lines = length // 2 + 1
+    Suu, Syy, Suy, count = np.zeros(n_lines), np.zeros(n_lines), np.zeros(n_lines, dtype=np.complex128), 0
     for u, y, *_ in pool:
         step = max(length // 2, 1)
         for begin in range(0, max(u.size - length, 0) + 1, step):
@@ -96,17 +97,17 @@ def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]], exact
     f = np.fft.rfftfreq(length, 1.0 / rate)
     top = min(_HIGHEST, 0.4 * rate)
     keep = (f >= max(_LOWEST, 3.0 * rate / length)) & (f <= top)
-    keep &= np.asarray(Suu) > 1e-5 * np.max(np.asarray(Suu)[keep]) if keep.any() else keep
+    keep &= Suu > 1e-5 * np.max(Suu[keep]) if keep.any() else keep
     if keep.sum() < 8:
         return None
     s = 2j * np.pi * f[keep]
     power = {"angle": 2, "position": 2, "angular-velocity": 1, "velocity": 1}.get(output.quantity, 0)
-    H = np.asarray(Suy)[keep] / np.asarray(Suu)[keep] * s**power
-    coherence = np.abs(np.asarray(Suy)[keep]) ** 2 / (np.asarray(Suu)[keep] * np.asarray(Syy)[keep] + 1e-300)
+    H = Suy[keep] / Suu[keep] * s**power
+    coherence = np.abs(Suy[keep]) ** 2 / (Suu[keep] * Syy[keep] + 1e-300)
     bias = 1.0 / count  # coherence of noise alone
     weight = np.clip((coherence - bias) / (1.0 - bias), 0.0, 1.0) ** 2 if count > 2 else np.full(H.shape, 0.5)
     weight = weight * min(1.0, count / _SURE) if count > 2 else weight
-    excited = np.sqrt(np.asarray(Suu)[keep] / np.max(np.asarray(Suu)[keep]))
+    excited = np.sqrt(Suu[keep] / np.max(Suu[keep]))
     weight = weight * np.minimum(1.0, 10.0 * excited)
     lines = np.unique(np.round(np.linspace(0, H.size - 1, min(_LINES, H.size))).astype(int))
     if impact:  # the peak is narrow: keep its lines
@@ -171,7 +172,7 @@ def fitted(base: BaseSpec, measured: tuple[Response, ...], starts: tuple[Vector,
     for trial in (*starts[1:], *_trials(base, measured, starts[0])):
         x0 = np.array([math.log(max(trial[BASE_INDEX[name]], 1e-12)) for name in names])
         fit = least_squares(
-            lambda x, trial=trial: _misfit(_named(trial, names, x), measured),  # type: ignore[misc]
+            lambda x, trial=trial: _misfit(_named(trial, names, x), measured),
             x0,
             loss="soft_l1",
             f_scale=0.3,

@@ -60,6 +60,11 @@ def _log_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {"rate": (0.02 * rate, 20.0 * rate)}
 
 
+def _drifts(problem: Problem) -> tuple[float, float, float]:
+    duration = max(problem.scales.duration, 0.1)
+    return 30.0 / duration, 300.0 / duration, 2000.0 / duration
+
+
 _TIMING = ("drive-lag", "delay", "torque-logging", "sensor-resonance")
 
 SPECS: tuple[EffectSpec, ...] = (
@@ -87,7 +92,7 @@ SPECS: tuple[EffectSpec, ...] = (
         revealed_by=("torque-sweep", "speed-motion"),
         look_alikes=("delay",),
         apply=_drift,
-        scale=lambda problem: tuple(x / max(problem.scales.duration, 0.1) for x in (30.0, 300.0, 2000.0)),  # type: ignore[return-value]
+        scale=_drifts,
         starts=one_start,
         possible=needs_two_clocks,
     ),

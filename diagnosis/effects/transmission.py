@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Problem
 
 _BRANCHES = 5
-_SPACING = 4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
+_SPACING = (
+    4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
+)
 
 
 def _backlash(damping_inside: float) -> Apply:
