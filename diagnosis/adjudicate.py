@@ -4,7 +4,7 @@ All hypotheses are judged by one noise model, that of the best one's residual, s
 hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stands over its parent only where it
  - is real: its likelihood gain exceeds the parameters' Occam cost and a margin for the number of candidates tried,
  - carries over: runs that were not fitted gain in proportion, and not by one run alone,
- - is material: it moves some channel by more than a stated share of that channel's signal.
+ - is material: it lowers some channel's relative error by more than a stated amount.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
-from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
+from jointscope.diagnosis.noise import ANGULAR, MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.search import Hypothesis, profile_loss
@@ -30,7 +30,7 @@ Vector = NDArray[np.float64]
 
 REAL = 8.0  # nats beyond the Occam cost, ~ ln of the candidates tried plus odds of 20 to 1
 CARRIES_OVER = 0.35  # held-out gain per sample over fitted gain per sample
-MATERIAL = 0.004  # RMS of the change over RMS of the signal, in the channel that shows it most
+MATERIAL = 0.002  # drop of RMS error over RMS signal, in the channel and experiment that show it most
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 POLISHED = 4  # leading hypotheses that are refitted under the final noise
 
@@ -75,7 +75,7 @@ class Comparison:
         held_gain: On the held-out runs [nats]; ``nan`` without any.
         expected_held: What the fitted gain would make of it in proportion to the samples [nats].
         share_of_runs: Held-out runs that gain.
-        material: Largest RMS change over RMS signal over channels and experiments [-].
+        material: Largest drop of relative error over channels and experiments [-].
     """
 
     gain: float
@@ -151,17 +151,19 @@ def _evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> 
     )
 
 
-def change(runs: Sequence[PreparedRun], one: Predictions, other: Predictions) -> float:
-    """Largest RMS difference of two predictions over RMS signal, pooled over runs of one experiment and channel [-]."""
+def improvement(runs: Sequence[PreparedRun], before: Predictions, after: Predictions) -> float:
+    """Largest drop of RMS error over RMS signal, pooled over runs of one experiment and channel [-]."""
     pooled: dict[tuple[object, ...], list[float]] = {}
-    for run, a, b in zip(runs, one, other, strict=True):
+    for run, a, b in zip(runs, before, after, strict=True):
         for output, ya, yb in zip(run.outputs, a, b, strict=True):
             key = (run.run.experiment, output.quantity, output.location, output.direction)
-            total = pooled.setdefault(key, [0.0, 0.0])
-            difference = (ya - yb)[output.mask]
-            total[0] += float(difference @ difference)
-            total[1] += dynamic_level(output) ** 2 * len(difference)
-    return max((math.sqrt(d / s) for d, s in pooled.values() if s > 0.0), default=0.0)
+            total = pooled.setdefault(key, [0.0, 0.0, 0.0])
+            data = output.data[output.mask]
+            reference = data - data[0] if output.quantity in ANGULAR else data
+            for k, x in enumerate((data - ya[output.mask], data - yb[output.mask], reference)):
+                total[k] += float(x @ x)
+    drops = [(math.sqrt(p) - math.sqrt(c)) / math.sqrt(s) for p, c, s in pooled.values() if s > 0.0]
+    return max(drops, default=0.0)
 
 
 def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
@@ -170,7 +172,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / samples)
     raw = 0.5 * (parent.chi2 - child.chi2) / overdispersion
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    material = change(
+    material = improvement(
         runs, (*parent.predictions, *parent.predictions_held), (*child.predictions, *child.predictions_held)
     )
     if child.held_out.size == 0:

@@ -18,7 +18,9 @@ from jointscope.diagnosis.whiten import estimate_noise
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import PreparedRun, Problem
 
-EARLY_ORDER = 4  # of the noise filter while a mismatch may still stand in the residual
+EARLY_ORDER = (
+    0  # of the noise filter while a mismatch may still stand in the residual: a filter would learn the mismatch
+)
 POOR = 0.3  # residual over signal above which other starting stiffnesses are tried
 STIFFNESS_STARTS = (0.8, 0.9, 1.12, 1.25)
 FEW = 3  # runs per experiment in the first, coarse fit
@@ -39,18 +41,19 @@ class Stage:
     predictions: Predictions
 
 
-def representative(problem: Problem, positions: tuple[int, ...], per_experiment: int) -> tuple[int, ...]:
-    """Positions that span the levels of every experiment, at most ``per_experiment`` each."""
+def representative(problem: Problem, positions: tuple[int, ...], hits: int, others: int) -> tuple[int, ...]:
+    """Positions that span the levels: at most ``hits`` of the hammer and ``others`` of any other experiment."""
     strata: dict[tuple[str, bool], list[int]] = {}
     for i in content_order(problem.runs):
         if i in positions:
             run = problem.runs[i]
             strata.setdefault((run.run.experiment, run.run.brake), []).append(i)
     chosen: list[int] = []
-    for members in strata.values():
+    for (experiment, _), members in strata.items():
         members = sorted(members, key=lambda i: (level(problem.runs[i]), members.index(i)))
-        count = min(per_experiment, len(members))
-        chosen.extend(members[round(j)] for j in np.linspace(0, len(members) - 1, count))
+        count = min(hits if experiment == "hammer" else others, len(members))
+        spread = np.linspace(0, len(members) - 1, count) if count > 1 else [0.5 * (len(members) - 1)]
+        chosen.extend(members[round(j)] for j in spread)
     return tuple(i for i in positions if i in chosen)
 
 
@@ -103,7 +106,7 @@ def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: 
     where = coordinates(problem)
     objective = Objective(problem, predict, runs, pool)
     noise = white(objective.prepared)
-    few = replace(objective, runs=representative(problem, runs, FEW))
+    few = replace(objective, runs=representative(problem, runs, FEW, FEW))
     fit = _coarse(whitened(few, noise, None), where)
     objective, noise, _ = rewhiten(objective, fit, noise, EARLY_ORDER)
     fit = least_squares(objective, where, fit.x, iterations=10, tolerance=1e-3)

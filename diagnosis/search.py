@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+CONTAINED = (("coulomb-friction", "stribeck-friction"),)
 NEARLY_NOTHING = 0.02  # of the amplitude the screening asked for: the safe start
 
 
@@ -44,7 +45,8 @@ class Effort:
     """How much is tried; counts, never seconds, so that the answer does not depend on the machine.
 
     Attributes:
-        screen_runs: Runs per experiment in the screening.
+        screen_hits, screen_others: Runs of the hammer and of any other experiment in the first screening.
+        hits, others: The same in the search; judging uses all.
         singles: Single effects fitted.
         refine: Candidates whose screening is repeated at their own amplitude.
         beam: Parents extended per round.
@@ -52,18 +54,23 @@ class Effort:
         pairs: Pairs fitted that neither member alone would lead to.
         size: Effects in a hypothesis at most.
         fit_simulations: Evaluations per fit at most.
+        polished: Leading hypotheses refitted under a new noise model.
         worth: Decrease of w'w below which a candidate is not fitted.
     """
 
-    screen_runs: int = 4
+    screen_hits: int = 4
+    screen_others: int = 1
+    hits: int = 5
+    others: int = 2
     singles: int = 8
     refine: int = 24
     beam: int = 2
-    children: int = 4
-    pairs: int = 3
+    children: int = 3
+    pairs: int = 2
     size: int = 3
     fit_simulations: int = 45
-    worth: float = 8.0
+    polished: int = 4
+    worth: float = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,53 +120,122 @@ def profile_loss(objective: Objective, w: Vector) -> float:
     return float(sum(0.5 * n * np.log(max(e, 1e-12) / n) for e, n in block_energies(objective, w).values() if n))
 
 
-def fit_child(objective: Objective, parent: Fit, actives: Sequence[ActiveEffect], effort: Effort) -> Fit:
-    """Fit the parent's effects plus ``actives``, base free, starting from the parent's optimum."""
+def fit_child(
+    objective: Objective,
+    parent: Fit,
+    actives: Sequence[ActiveEffect],
+    effort: Effort,
+    other_bases: Sequence[Vector] = (),
+) -> Fit | None:
+    """Fit the parent's effects plus ``actives``, base free; ``None`` where that ends no better than the parent.
+
+    Args:
+        other_bases: Base parameter vectors beside the parent's from which to start, whichever is nearer the data:
+            look-alikes shift the base alike.
+    """
     specs = (*parent.coordinates.effects, *(a.spec for a in actives))
     where = coordinates(objective.problem, specs)
     theta, effects = parent.coordinates.unpack(parent.x)
-    best: Fit | None = None
-    for factor in (1.0, NEARLY_NOTHING):
-        added = tuple(a if factor == 1.0 else resized(a, factor) for a in actives)
-        x = where.pack(theta, (*effects, *added))
-        w = objective.residual(x, where)
-        new = range(parent.coordinates.n, where.n)
-        jacobian = np.concatenate([parent.jacobian, objective.columns(x, where, w, new)], axis=1)
+    starts = [where.pack(base, (*effects, *actives)) for base in (theta, *other_bases)]
+    starts.append(where.pack(theta, (*effects, *(resized(a, NEARLY_NOTHING) for a in actives))))
+    residuals = [objective.residual(x, where) for x in starts]
+    order = np.argsort([float(w @ w) for w in residuals], kind="stable")
+    for i in order[:2]:
+        new = objective.columns(starts[i], where, residuals[i], range(parent.coordinates.n, where.n))
+        jacobian = np.concatenate([parent.jacobian, new], axis=1)
         fit = least_squares(
             objective,
             where,
-            x,
+            starts[i],
             jacobian=jacobian,
             iterations=14,
             tolerance=3e-3,
             simulations=effort.fit_simulations,
         )
-        if best is None or fit.chi2 < best.chi2:
-            best = fit
-        if best.chi2 < parent.chi2:
-            break
-    assert best is not None
-    return best
+        if fit.chi2 < parent.chi2:
+            return fit
+    return None
 
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """Trials on top of one parent, over a few runs of every experiment, best first."""
+    """Trials on top of the base.
 
+    Attributes:
+        leading: One per candidate law, retaken at its own amplitude over the arena's runs, best first.
+        trials: Every trial that was simulated, over ``positions`` of the arena's runs, in the order of the candidates.
+        objective: Those runs under the noise of that time.
+        w: P w of the base over the arena's runs.
+    """
+
+    leading: tuple[Trial, ...]
     trials: tuple[Trial, ...]
+    positions: tuple[int, ...]
+    objective: Objective
     w: Vector
 
 
 def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort) -> Screening:
-    """Score every candidate on top of ``parent``, the leading ones again at their own amplitude."""
-    chosen = representative(objective.problem, objective.runs, effort.screen_runs)
-    positions = [i for i, run in enumerate(objective.runs) if run in chosen]
+    """Score every candidate on top of ``parent`` over a few runs, the leading ones over all at their own amplitude."""
+    chosen = representative(objective.problem, objective.runs, effort.screen_hits, effort.screen_others)
+    positions = tuple(i for i, run in enumerate(objective.runs) if run in chosen)
     few, rows = objective.restricted(positions), objective.rows(positions)
-    parents = tangent(parent.w[rows], parent.jacobian[rows])
-    trials = best_per_spec(screen(few, parent, parents, parent.w[rows], candidates))
-    leading, rest = trials[: effort.refine], trials[effort.refine :]
-    leading = refined(few, parent, parents, parent.w[rows], leading)
-    return Screening((*leading, *rest), parents.w)
+    trials = screen(few, parent, tangent(parent.w[rows], parent.jacobian[rows]), parent.w[rows], candidates)
+    parents = tangent(parent.w, parent.jacobian)
+    best = [t.active for t in best_per_spec(trials)[: effort.refine]]
+    again = best_per_spec(screen(objective, parent, parents, parent.w, best))
+    leading = refined(objective, parent, parents, parent.w, again)
+    return Screening(tuple(leading), tuple(trials), positions, few, parents.w)
+
+
+def rescreen(
+    objective: Objective, parent: Fit, before: Screening, effort: Effort, taken: tuple[str, ...]
+) -> list[Trial]:
+    """Score on top of a fitted hypothesis: all trials to first order by their old directions, the leading ones anew."""
+    w = before.objective.residual(parent.x, parent.coordinates)
+    few = objective.restricted(before.positions)
+    jacobian = _converted(parent.jacobian[objective.rows(before.positions)], few, before.objective)
+    then = tangent(w, jacobian)
+    directions = np.stack([t.direction for t in before.trials], axis=1)
+    basis = then.basis.astype(np.float32)
+    left = directions - basis @ (basis.T @ directions)
+    size = np.einsum("ij,ij->j", left, left).astype(float)
+    inner = (left.T @ then.w.astype(np.float32)).astype(float)
+    gains = np.where(size > 0.01, inner**2 / np.maximum(size, 0.01), 0.0)
+    chosen: dict[int, Trial] = {}
+    for k in np.argsort(-gains, kind="stable"):
+        trial = before.trials[k]
+        if name_of(trial.spec) not in taken and not contained(name_of(trial.spec), taken):
+            chosen.setdefault(id(trial.spec), trial)
+        if len(chosen) == effort.refine:
+            break
+    parents = tangent(parent.w, parent.jacobian)
+    trials = screen(objective, parent, parents, parent.w, [t.active for t in chosen.values()])
+    return refined(objective, parent, parents, parent.w, best_per_spec(trials)[: effort.refine // 2])
+
+
+def contained(name: str, taken: tuple[str, ...]) -> bool:
+    """Whether an effect is a part of one that is there already, or holds it: Coulomb's law within Stribeck's."""
+    for inner, outer in CONTAINED:
+        for location in ("motor", "load"):
+            pair = {f"{inner}@{location}", f"{outer}@{location}"}
+            if name in pair and pair & set(taken):
+                return True
+    return False
+
+
+def _converted(jacobian: NDArray[np.float64], new: Objective, old: Objective) -> NDArray[np.float64]:
+    """Columns whitened by ``new`` brought to the scale of ``old``; neither filters while the search goes on."""
+    rows = []
+    for position, piece in enumerate(new.slices):
+        ratio = np.concatenate(
+            [
+                (b.weight[b.keep] / b.sigma) / (a.weight[a.keep] / a.sigma)
+                for a, b in zip(new.whiteners[position].filters, old.whiteners[position].filters, strict=True)
+            ]
+        )
+        rows.append(jacobian[piece] * ratio[:, None])
+    return np.concatenate(rows)
 
 
 def leaders(trials: Sequence[Trial], count: int, worth: float, taken: tuple[str, ...] = ()) -> list[Trial]:
@@ -188,10 +264,19 @@ def at_own_size(trial: Trial) -> ActiveEffect:
 
 def fit_singles(objective: Objective, base: Fit, screening: Screening, effort: Effort) -> list[Hypothesis]:
     """Fit the leading single effects."""
-    found = []
-    for trial in leaders(screening.trials, effort.singles, effort.worth):
-        fit = fit_child(objective, base, [at_own_size(trial)], effort)
-        found.append(Hypothesis((trial.spec,), fit, profile_loss(objective, fit.w)))
+    return _fit_leading(objective, base, (), leaders(screening.leading, effort.singles, effort.worth), effort)
+
+
+def _fit_leading(
+    objective: Objective, parent: Fit, specs: tuple[EffectSpec, ...], trials: Sequence[Trial], effort: Effort
+) -> list[Hypothesis]:
+    found: list[Hypothesis] = []
+    for trial in trials:
+        best = min(found, key=lambda h: h.loss, default=None)
+        others = [best.fit.coordinates.unpack(best.fit.x)[0]] if best is not None else []
+        fit = fit_child(objective, parent, [at_own_size(trial)], effort, others)
+        if fit is not None:
+            found.append(Hypothesis((*specs, trial.spec), fit, profile_loss(objective, fit.w)))
     return sorted(found, key=lambda h: h.loss)
 
 
@@ -199,35 +284,32 @@ def fit_pairs(
     objective: Objective, base: Fit, screening: Screening, known: Sequence[tuple[str, ...]], effort: Effort
 ) -> list[Hypothesis]:
     """Fit the pairs that explain most to first order and are not reached from the leading singles."""
-    leading = list(screening.trials[: effort.refine])
+    leading = list(screening.leading[: effort.refine])
     found: list[Hypothesis] = []
     seen = set(known)
+    tried = 0
     for gain, i, j in pair_gains(leading, screening.w):
         names = names_of((leading[i].spec, leading[j].spec))
-        if len(found) == effort.pairs or gain < effort.worth:
+        if tried == effort.pairs or gain < effort.worth:
             break
-        if names in seen or len(names) < 2:
+        if names in seen or len(names) < 2 or contained(names[0], names[1:]):
             continue
         seen.add(names)
+        tried += 1
         fit = fit_child(objective, base, [at_own_size(leading[i]), at_own_size(leading[j])], effort)
-        found.append(Hypothesis((leading[i].spec, leading[j].spec), fit, profile_loss(objective, fit.w)))
+        if fit is not None:
+            found.append(Hypothesis((leading[i].spec, leading[j].spec), fit, profile_loss(objective, fit.w)))
     return found
 
 
-def extend(
-    objective: Objective, parent: Hypothesis, candidates: Sequence[ActiveEffect], effort: Effort
-) -> list[Hypothesis]:
+def extend(objective: Objective, parent: Hypothesis, before: Screening, effort: Effort) -> list[Hypothesis]:
     """Fit the parent's best extensions by one effect."""
-    screening = screen_on(objective, parent.fit, candidates, effort)
-    found = []
-    for trial in leaders(screening.trials, effort.children, effort.worth, taken=parent.names):
-        fit = fit_child(objective, parent.fit, [at_own_size(trial)], effort)
-        found.append(Hypothesis((*parent.specs, trial.spec), fit, profile_loss(objective, fit.w)))
-    return sorted(found, key=lambda h: h.loss)
+    trials = leaders(
+        rescreen(objective, parent.fit, before, effort, parent.names), effort.children, effort.worth, parent.names
+    )
+    return _fit_leading(objective, parent.fit, parent.specs, trials, effort)
 
 
 def candidates_for(problem: Problem, specs: Sequence[EffectSpec]) -> list[ActiveEffect]:
     """Every trial of every effect that these channels and experiments can show."""
-    return [
-        active for spec in specs if spec.possible(problem) is None for active in trial_effects(spec, problem)
-    ]
+    return [active for spec in specs if spec.possible(problem) is None for active in trial_effects(spec, problem)]

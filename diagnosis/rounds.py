@@ -1,0 +1,140 @@
+"""The rounds of the search: singles, then sets of two and three, each round under the noise its best hypothesis leaves.
+
+A mismatch that stands in the residual looks like noise. So after every round the noise is estimated anew from the best
+hypothesis, the leading ones are refitted under it, and only then are parents chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.adjudicate import MATERIAL, improvement
+from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
+from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
+from jointscope.diagnosis.objective import Objective
+from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.search import (
+    Effort,
+    Hypothesis,
+    Screening,
+    candidates_for,
+    extend,
+    fit_pairs,
+    fit_singles,
+    profile_loss,
+    screen_on,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import EffectSpec
+
+Report = Callable[[str], None]
+
+PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
+
+
+@dataclass(frozen=True, eq=False)
+class Arena:
+    """The runs of the search under one noise model, and what was fitted to them.
+
+    Attributes:
+        base: The base refitted here; its ``names`` are empty.
+        hypotheses: Sorted by loss, comparable with each other and the base.
+    """
+
+    objective: Objective
+    noise: NoiseModel
+    base: Hypothesis
+    hypotheses: tuple[Hypothesis, ...]
+
+
+def opened(stage: Stage, effort: Effort) -> Arena:
+    """The arena on a few runs of every kind, the base refitted to them."""
+    runs = representative(stage.objective.problem, stage.objective.runs, effort.hits, effort.others)
+    positions = [i for i, run in enumerate(stage.objective.runs) if run in runs]
+    objective = stage.objective.restricted(positions)
+    rows = stage.objective.rows(positions)
+    fit = least_squares(
+        objective,
+        stage.fit.coordinates,
+        stage.fit.x,
+        jacobian=stage.fit.jacobian[rows],
+        iterations=6,
+        tolerance=1e-3,
+    )
+    return Arena(objective, stage.noise, Hypothesis((), fit, profile_loss(objective, fit.w)), ())
+
+
+def _refitted(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    fit = least_squares(
+        objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=6, tolerance=2e-3, simulations=40
+    )
+    return replace(hypothesis, fit=fit, loss=profile_loss(objective, fit.w))
+
+
+def _seen(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
+    return replace(hypothesis, fit=replace(hypothesis.fit, w=w, fresh=False), loss=profile_loss(objective, w))
+
+
+def settled(arena: Arena, found: Sequence[Hypothesis], effort: Effort) -> Arena:
+    """All hypotheses under the noise of the best, the leading ones refitted; once more if that changes the best."""
+    objective, noise, base = arena.objective, arena.noise, arena.base
+    pool = sorted([*arena.hypotheses, *found], key=lambda h: h.loss)
+    for _ in range(2):
+        best = min([base, *pool], key=lambda h: h.loss)
+        objective, noise, _ = rewhiten(objective, best.fit, noise, EARLY_ORDER)
+        pool = sorted((_seen(objective, h) for h in pool), key=lambda h: h.loss)
+        pool = [_refitted(objective, h) if i < effort.polished else h for i, h in enumerate(pool)]
+        pool.sort(key=lambda h: h.loss)
+        base = _seen(objective, base)
+        if not pool or pool[0].names == best.names:
+            break
+    return Arena(objective, noise, _refitted(objective, base), tuple(pool))
+
+
+def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
+    """Whether a child is worth building upon: more than its parameters cost, and enough to matter."""
+    added = max(child.fit.coordinates.n - parent.fit.coordinates.n, 1)
+    if parent.loss - child.loss < PROMISING * added:
+        return False
+    coloured, _, after = rewhiten(arena.objective, child.fit, arena.noise, MAX_ORDER)
+    before = arena.objective.predictions(*parent.fit.coordinates.unpack(parent.fit.x))
+    gain = 0.0
+    for i in range(len(coloured.runs)):
+        old, new = coloured.whiten_run(i, before[i]), coloured.whiten_run(i, after[i])
+        gain += 0.5 * float(old @ old - new @ new)
+    return gain > PROMISING * added and improvement(arena.objective.prepared, before, after) > 0.5 * MATERIAL
+
+
+def explore(
+    stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
+) -> tuple[Screening, tuple[Hypothesis, ...]]:
+    """Every hypothesis worth judging."""
+    first = opened(stage, effort)
+    candidates = candidates_for(stage.objective.problem, specs)
+    report(f"screening {len(candidates)} trials of {len(specs)} candidate laws")
+    screening = screen_on(first.objective, first.base.fit, candidates, effort)
+    report("fitting single effects")
+    singles = fit_singles(first.objective, first.base.fit, screening, effort)
+    pairs: list[Hypothesis] = []
+    arena = settled(first, singles, effort)
+    if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
+        return screening, arena.hypotheses
+    report("fitting pairs")
+    for parent in arena.hypotheses[: effort.beam]:
+        pairs.extend(extend(arena.objective, parent, screening, effort))
+    pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
+    for size in range(3, effort.size + 2):
+        arena = settled(arena, pairs, effort)
+        best = arena.hypotheses[0]
+        parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
+        if len(best.names) < size - 1 or size > effort.size:
+            break
+        if not all(promising(arena, best, part) for part in parts):
+            break
+        report(f"fitting sets of {size}")
+        pairs = extend(arena.objective, best, screening, effort)
+    return screening, arena.hypotheses
