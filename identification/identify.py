@@ -7,16 +7,20 @@ and the load's motion). Runs kept for validation are never read.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from jointscope.errors import RefusedError
 from jointscope.identification.conditioning import gravity_stiffness
+from jointscope.identification.drive import identify_drive
 from jointscope.identification.hammer import HammerPlan, identify_hammer
 from jointscope.identification.hit_spectra import Hit, Rejected, read_hit
 from jointscope.identification.measured_frf import frf_hits
+from jointscope.identification.model_file import BaseModel
 from jointscope.identification.motor_bench import bench_runs, identify_bench
 from jointscope.identification.result import Identification, Refused
+from jointscope.models.parameters import STANDARD_GRAVITY, Joint
 from jointscope.recordings.campaign import Campaign, Nameplate, Run
 
 NAMES = ("stiffness", "inertia", "damping")
@@ -32,7 +36,24 @@ def identify(campaign: Campaign, plan: HammerPlan | None = None) -> Identificati
     Returns:
         The identification; where the recordings can't carry it, ``parameters`` is empty and ``refused`` says why.
     """
-    plan = plan or HammerPlan()
+    found = _identified(campaign, plan or HammerPlan())
+    if found.base is None or campaign.rig.motion != "rotational" or campaign.rig.topology != "two-inertia":
+        return found
+    return replace(found, base=_with_drive(found.base, campaign))
+
+
+def _with_drive(base: BaseModel, campaign: Campaign) -> BaseModel:
+    """The base model with the law of the drive, a nuisance that motions under speed control need to be predicted."""
+    gravity = (campaign.rig.arm_mass or 0.0) * (campaign.rig.arm_com_radius or 0.0) * STANDARD_GRAVITY
+    try:
+        joint: Joint | None = base.as_joint()
+    except RefusedError:
+        joint = None  # without the motor's inertia the law can be read only where the motor's motion was recorded
+    drive = identify_drive(campaign, joint, gravity_moment=gravity if campaign.rig.plane == "vertical" else 0.0)
+    return base if drive is None else replace(base, drive=drive.to_json())
+
+
+def _identified(campaign: Campaign, plan: HammerPlan) -> Identification:
     runs = [run for run in campaign.runs if run.role != "validate"]
     if not runs:
         return refusal("every run has the role validate; identification reads estimate runs only")
