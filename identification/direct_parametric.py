@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from jointscope.identification.errors_in_variables import (
     HitSpectrum,
     Scatter,
+    compact,
     minimise,
     residual_noise,
 )
@@ -119,8 +120,9 @@ def fit_hits(hits: Sequence[HitSpectrum], start: ModalModel, *, coloured: bool =
     Raises:
         RefusedError: No convergence.
     """
-    hits = list(hits)
-    noise = [np.full(hit.output.shape, _rough_noise(start, hit)) for hit in hits]
+    heard = list(hits)
+    noise = [np.full(hit.output.shape, _rough_noise(start, hit)) for hit in heard]
+    hits = [_audible(start, hit, sigma) for hit, sigma in zip(heard, noise, strict=True)]
     scatter, model, evaluations = Scatter(), start, 0
     shape: list[Real] | None = None
     for turn in range(_ROUNDS):
@@ -132,7 +134,7 @@ def fit_hits(hits: Sequence[HitSpectrum], start: ModalModel, *, coloured: bool =
         change = max(float(np.max(np.abs(np.log(a / b)))) for a, b in zip(new_noise, noise, strict=True))
         noise = new_noise
         if turn == 0:
-            hits = [_audible(model, hit, sigma) for hit, sigma in zip(hits, noise, strict=True)]
+            hits = [_audible(model, hit, sigma) for hit, sigma in zip(heard, noise, strict=True)]
         found = deviations(model, hits, noise)
         new_scatter = estimate_scatter(found)
         change = max(change, abs(new_scatter.gain - scatter.gain) / (new_scatter.gain + 1e-4))
@@ -159,7 +161,8 @@ def _audible(model: ModalModel, hit: HitSpectrum, noise: Real) -> HitSpectrum:
     """The hit without its force noise where that is under a tenth of the output's: it then only costs time."""
     through = np.abs(hit.sensor * model.response(2j * np.pi * hit.frequency))
     share = through * np.linalg.norm(hit.input_basis, axis=1) / np.sqrt(2.0) / noise
-    return replace(hit, input_basis=hit.input_basis[:, :0]) if share.size and share.max() < 0.1 else hit
+    quiet = not share.size or float(np.sqrt(np.mean(share**2))) < 0.1
+    return replace(hit, input_basis=hit.input_basis[:, :0]) if quiet else compact(hit)
 
 
 def _rough_noise(model: ModalModel, hit: HitSpectrum) -> float:

@@ -32,6 +32,7 @@ from jointscope.identification.modal_model import ModalModel
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+_SHORT = 64  # samples of contact up to which compacting is cheaper than carrying them along
 _FLAT = 1e3  # prior standard deviation of a transient, in units of its own size at which it equals the noise
 
 
@@ -68,26 +69,28 @@ class HitSpectrum:
     truncated: bool = False
 
     def in_band(self, band: tuple[float, float]) -> HitSpectrum:
-        """The lines inside ``band`` [Hz]."""
+        """The lines inside ``band`` [Hz]; a short contact's noise in as few columns as they can tell apart."""
         keep = (self.frequency >= band[0] - 1e-9) & (self.frequency <= band[1] + 1e-9)
-        return replace(
+        part = replace(
             self,
             frequency=self.frequency[keep],
             output=self.output[:, keep],
             input=self.input[keep],
-            input_basis=_leading(self.input_basis[keep]),
+            input_basis=self.input_basis[keep],
             sensor=self.sensor[:, keep],
         )
+        return compact(part) if self.input_basis.shape[1] <= _SHORT else part
 
 
-def _leading(basis: Complex) -> Complex:
-    """The same noise with as few columns as the band can tell apart: a short contact holds few lines' worth."""
+def compact(hit: HitSpectrum) -> HitSpectrum:
+    """The same force noise in as few columns as the band can tell apart."""
+    basis = hit.input_basis
     if basis.size == 0 or not np.any(basis):
-        return basis[:, :0]
+        return replace(hit, input_basis=basis[:, :0])
     left, size, _ = np.linalg.svd(np.concatenate([basis.real, basis.imag]), full_matrices=False)
     kept = size > 1e-3 * size[0]
     columns = left[:, kept] * size[kept]
-    return np.asarray(columns[: basis.shape[0]] + 1j * columns[basis.shape[0] :])
+    return replace(hit, input_basis=np.asarray(columns[: basis.shape[0]] + 1j * columns[basis.shape[0] :]))
 
 
 @dataclass(frozen=True, kw_only=True)

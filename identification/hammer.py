@@ -127,11 +127,12 @@ def _prepare(
     band = plan.band or usable_band(spectra)
     selection = _choose(spectra, band, plan.modes)
     start = selection.model or single_mode_start([hit.in_band(band) for hit in spectra])
-    if plan.band is None and start.modes == 1:
+    narrow = plan.band is None and start.modes == 1
+    if narrow:
         top = max(PAPER_TOP, 1.25 * float(start.natural_frequency[0]) / (2.0 * math.pi))
         band = (band[0], min(band[1], top))
     marked = _mark_truncated(spectra, float(start.a1.min()))
-    if start.modes == 1 or marked[0].truncated:
+    if narrow or marked[0].truncated:
         selection = _choose(marked, band, 1 if start.modes == 1 else plan.modes)
         start = selection.model or single_mode_start([hit.in_band(band) for hit in marked])
         marked = _mark_truncated(spectra, float(start.a1.min()))
@@ -147,7 +148,7 @@ def _choose(spectra: Sequence[HitSpectrum], band: tuple[float, float], count: in
             f"{spectra[0].duration:.3g} s is too short, or the band too narrow; record at least "
             f"{12.0 / (band[1] - band[0]):.2g} s"
         )
-    highest = count + 3 if count is not None else min(14, 4 + lines // 150)
+    highest = count + 3 if count is not None else min(16, 4 + lines // 150)
     return select_modes(spectra, band, highest=min(highest, lines // 4), count=count)
 
 
@@ -201,7 +202,7 @@ def _fit_without_outliers(
     spectra: Sequence[HitSpectrum], start: ModalModel
 ) -> tuple[ParametricFit, tuple[Rejected, ...]]:
     """Fit, drop hits whose gain, delay or noise stands far out of the others', and fit again."""
-    fit = fit_hits(spectra, start)
+    fit = _with_complex_modes(fit_hits(spectra, start))
     if len(spectra) < 5:
         return fit, ()
     noise = np.log([float(np.mean(sigma[0])) / hit.level for hit, sigma in zip(fit.hits, fit.noise, strict=True)])
@@ -225,6 +226,24 @@ def _fit_without_outliers(
         for index, reason in sorted(reasons.items())
     )
     return fit_hits(kept, fit.model), rejected
+
+
+def _with_complex_modes(fit: ParametricFit) -> ParametricFit:
+    """The same modes with a b2 each, where there are several and the evidence (BIC) asks for it."""
+    model = fit.model
+    if model.modes < 2:
+        return fit
+    try:
+        free = fit_hits(fit.hits, replace(model, b2=np.zeros_like(model.b1)))
+    except RefusedError:
+        return fit
+    numbers = sum(2 * hit.output.size for hit in fit.hits)
+    return free if _misfit(free) + model.b1.size * math.log(numbers) < _misfit(fit) else fit
+
+
+def _misfit(fit: ParametricFit) -> float:
+    """-2 ln likelihood but for a constant."""
+    return fit.cost + sum(4.0 * float(np.sum(np.log(sigma))) for sigma in fit.noise)
 
 
 def _levels(

@@ -58,6 +58,7 @@ class Uncertainty:
         timing_freedom: Of ``timing``.
         noise_freedom: Of ``noise``.
         repeats: Cluster-robust covariance, or ``None`` for one hit.
+        lines: For one hit, the same over blocks of neighbouring lines: what a misfit alike from line to line does.
         hits: Number of hits.
     """
 
@@ -70,6 +71,14 @@ class Uncertainty:
     noise_freedom: float
     repeats: Real | None
     hits: int
+    lines: Real | None = None
+
+    def variance(self, gradient: Real) -> float:
+        """Variance of a quantity with this ``gradient``, shape (p,), by the model (of one hit: or by its lines)."""
+        found = float(gradient @ self.model @ gradient)
+        if self.lines is not None:
+            found = max(found, float(gradient @ self.lines @ gradient))
+        return max(found, 0.0)
 
     def freedom(self, gradient: Real) -> float:
         """Effective degrees of freedom of the variance of a quantity with this ``gradient``, shape (p,)."""
@@ -99,6 +108,7 @@ def uncertainty(fit: ParametricFit) -> Uncertainty:
             effect = weighted.T @ column
             share += np.outer(effect, effect)
         scores.append(weighted.T @ white.residual)
+        lines = weighted * white.residual[:, None]
     gain *= fit.scatter.gain**2
     timing *= fit.scatter.timing**2
     n = len(fit.hits)
@@ -115,7 +125,16 @@ def uncertainty(fit: ParametricFit) -> Uncertainty:
         noise_freedom=max(fit.freedom, 1.0),
         repeats=None if n < 2 else n / (n - 1.0) * moved.T @ moved,
         hits=n,
+        lines=_between_blocks(lines, fit.model.outputs) if n == 1 else None,
     )
+
+
+def _between_blocks(scores: Real, outputs: int, count: int = 60) -> Real:
+    """Sandwich over ``count`` blocks of neighbouring lines; ``scores`` of shape (2 n_outputs n, p) are already steps."""
+    per_output = scores.reshape(2, outputs, -1, scores.shape[1]).sum(axis=(0, 1))  # (n, p)
+    size = max(1, per_output.shape[0] // count)
+    sums = np.add.reduceat(per_output, np.arange(0, per_output.shape[0], size), axis=0)
+    return np.asarray(sums.T @ sums * len(sums) / (len(sums) - 1.0))
 
 
 def _scatter_freedom(scatter: float, noise: Real) -> float:
@@ -135,7 +154,7 @@ def _inverse(information: Real) -> Real:
 
 def logarithmic(value: float, gradient: Real, unit: str, of: Uncertainty) -> Estimate:
     """Estimate of a quantity of one sign whose logarithm has this ``gradient`` in ``model.vector()``, shape (p,)."""
-    factor = math.sqrt(max(float(gradient @ of.model @ gradient), 0.0))
+    factor = math.sqrt(of.variance(gradient))
     half = float(stats.t.ppf(0.975, of.freedom(gradient))) * factor
     repeats, widest = None, half
     if of.repeats is not None:
