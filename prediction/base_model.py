@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from jointscope.errors import RefusedError
 from jointscope.identification.drive import Drive, drive_from_json
 from jointscope.identification.model_file import BaseModel
+from jointscope.prediction.drift import TOLERABLE, drift_removed, legitimate_from
 from jointscope.prediction.integrate import Motion, integrate
 from jointscope.prediction.plant import Plant, plant_of
 from jointscope.prediction.run_inputs import RunInputs, run_inputs, span
@@ -19,6 +20,8 @@ from jointscope.prediction.torque_log import TorqueLog
 from jointscope.recordings.campaign import Campaign, Run, Signal
 
 Real = NDArray[np.float64]
+
+_ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,22 +104,39 @@ def predict_run(
         inputs = run_inputs(part, run, plant, wanted, drive=drive, log=log, share=share)
         parts.append((plant, inputs, simulate(plant, inputs, run.arm_angle)))
     plant, inputs, motion = parts[0]
+    lowest, notes = _trustworthy_from(plant, inputs, motion, run)
     if len(parts) > 1:
         motion = _summed([entry[2] for entry in parts], [weight for _, weight in single], run.arm_angle)
-    channels = tuple(
-        ChannelPrediction(
-            signal,
-            times := channel_times(signal, run),
-            read_channel(signal, times, motion, plant, model.rig, inputs.fastest),
-        )
-        for signal in wanted
-    )
     return RunPrediction(
         run=run,
-        channels=channels,
+        channels=tuple(_channel(s, run, motion, plant, model, inputs.fastest, lowest) for s in wanted),
         closed_loop=inputs.loop is not None,
-        legitimate=(0.0, 0.5 * inputs.fastest),
-        notes=inputs.notes,
+        legitimate=(lowest, 0.5 * inputs.fastest),
+        notes=(*inputs.notes, *notes),
+    )
+
+
+def _channel(
+    signal: Signal, run: Run, motion: Motion, plant: Plant, model: BaseModel, fastest: float, lowest: float
+) -> ChannelPrediction:
+    times = channel_times(signal, run)
+    values = read_channel(signal, times, motion, plant, model.rig, fastest)
+    if lowest > 0.0 and signal.channel.quantity in _ACCELERATIONS:
+        values = values[0] + drift_removed(values, signal.sampling_rate, min(lowest, 0.4 * signal.sampling_rate))
+    return ChannelPrediction(signal, times, values)
+
+
+def _trustworthy_from(plant: Plant, inputs: RunInputs, motion: Motion, run: Run) -> tuple[float, tuple[str, ...]]:
+    """Lowest frequency at which an open-loop prediction holds [Hz], and what to say of it."""
+    if inputs.offset_error == 0.0:
+        return 0.0, ()
+    moved = replace(inputs, motor_torque=inputs.motor_torque + 2.0 * inputs.offset_error)
+    lowest = legitimate_from(motion, simulate(plant, moved, run.arm_angle))
+    if lowest == 0.0:
+        return 0.0, ()
+    return lowest, (
+        f"open loop: an offset of {2.0 * inputs.offset_error:.2g} N m in the logged torque moves the arm by more than "
+        f"{TOLERABLE:g} rad; accelerations are given above {lowest:.2g} Hz only, angles and speeds drift",
     )
 
 

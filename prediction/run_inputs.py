@@ -15,6 +15,7 @@ from jointscope.errors import RefusedError
 from jointscope.identification.drive import Drive
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.closed_loop import close
+from jointscope.prediction.drift import resting_offset
 from jointscope.prediction.integrate import Loop
 from jointscope.prediction.plant import Plant, prescribed_motion
 from jointscope.prediction.torque_input import torque_input
@@ -41,7 +42,7 @@ class RunInputs:
         load_torque: External torque on the load [N m].
         prescribed: Angle, speed, acceleration of the moved side at the output, shape (3, 2 n - 1), or ``None``.
         loop: The speed loop, or ``None``.
-        has_motor_input: Whether the run recorded a torque, current or voltage of its motor.
+        offset_error: What is left uncertain of the motor torque's offset where it acts open loop [N m]; else 0.
         fastest: Highest rate among the inputs [Hz].
         notes: What a reader must know.
     """
@@ -52,7 +53,7 @@ class RunInputs:
     load_torque: Real
     prescribed: Real | None
     loop: Loop | None
-    has_motor_input: bool
+    offset_error: float
     fastest: float
     notes: tuple[str, ...] = ()
 
@@ -104,6 +105,10 @@ def run_inputs(
                 "from runs that record speed command and torque"
             )
         notes.append("the model holds no drive law: the logged torque is replayed open loop and may drift")
+    offset_error = 0.0
+    if torque is not None and loop is None and plant.gravity_moment > 0.0 and plant.motor in ("free", "rigid"):
+        offset, offset_error = resting_offset(torque.samples, hold)
+        T_e = T_e - offset
     load = _load_torque(run, t)
     if model.rig.topology == "single-dof" and plant.motor == "held":
         load = load + plant.gain * (T_e if torque is not None else 0.0)
@@ -114,7 +119,7 @@ def run_inputs(
         load_torque=load,
         prescribed=_prescribed(run, plant, t),
         loop=loop,
-        has_motor_input=torque is not None,
+        offset_error=offset_error,
         fastest=max((signal.sampling_rate for signal in read), default=0.0),
         notes=tuple(notes),
     )

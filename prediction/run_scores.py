@@ -32,7 +32,7 @@ class ChannelScore:
         column: Its name.
         quantity: What it measures.
         error: The contract's error [-] (``scores.contract_error``).
-        bands: Spectral scores in the paper's bands; empty for angles and speeds.
+        bands: Spectral scores in the paper's bands, as far as the prediction is legitimate there; empty for angles and speeds.
         clock_offset: By how much the device's clock was taken to be late [s]; 0 where its start is exact.
     """
 
@@ -60,7 +60,7 @@ def score_run(prediction: RunPrediction) -> tuple[ChannelScore, ...]:
         offset = offsets[channel.signal.device]
         predicted = shifted(channel, offset)
         first = channel.values.size // 5 if prediction.run.initial == "estimate" else 0
-        scores.append(_score(channel, predicted, prediction.run, first, offset))
+        scores.append(_score(channel, predicted, prediction, first, offset))
     return tuple(scores)
 
 
@@ -106,7 +106,9 @@ def clock_offset(channels: list[ChannelPrediction], run: Run) -> float:
     return float(found.x)
 
 
-def _score(channel: ChannelPrediction, predicted: Real, run: Run, first: int, offset: float) -> ChannelScore:
+def _score(
+    channel: ChannelPrediction, predicted: Real, prediction: RunPrediction, first: int, offset: float
+) -> ChannelScore:
     declared = channel.signal.channel
     recorded = channel.signal.samples
     bands: list[BandScore] = []
@@ -114,10 +116,10 @@ def _score(channel: ChannelPrediction, predicted: Real, run: Run, first: int, of
     if declared.quantity in SPECTRAL and clean and recorded.size - first >= 64:
         rate = channel.signal.sampling_rate
         R, P = spectrum(recorded[first:], rate), spectrum(predicted[first:], rate)
-        for low, high in PAPER_BANDS[run.experiment]:
-            top = min(high, 0.5 * rate)
-            if np.any(R.band(low, top)):
-                bands.append(band_score(R, P, low, top))
+        for low, high in PAPER_BANDS[prediction.run.experiment]:
+            bottom, top = max(low, prediction.legitimate[0]), min(high, 0.5 * rate)
+            if np.any(R.band(bottom, top)):
+                bands.append(band_score(R, P, bottom, top))
     return ChannelScore(
         column=declared.column,
         quantity=declared.quantity,

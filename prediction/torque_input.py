@@ -1,9 +1,7 @@
 r"""The motor's electromagnetic torque T_e from whatever the run recorded of it as an input.
 
-Torque itself, torque-producing current (T_e = K_t i_q), phase currents, or an armature voltage (whose model values are
-per volt). Of three phase currents i_k = -i_q sin(p theta - 2 pi k/3) the vector -j (2/3) sum_k i_k exp(j 2 pi k/3)
-is i_q exp(j p theta): its length is \|i_q\|, and its sign follows because p theta goes on steadily while a change of
-sign of i_q turns the vector by half a turn. One phase alone leaves the paper's envelope \|h[i_a]\| (Equation 28).
+Torque itself, torque-producing current (T_e = K_t i_q), phase currents (``currents``), or an armature voltage (whose
+model values are per volt). One phase alone leaves the paper's envelope \|h[i_a]\| (Equation 28).
 
 Outputs are never read: the encoder that ``recordings.motor_torque`` may use is an output.
 """
@@ -11,21 +9,21 @@ Outputs are never read: the encoder that ``recordings.motor_torque`` may use is 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal as dsp
 
 from jointscope.errors import RefusedError
 from jointscope.identification.model_file import BaseModel
+from jointscope.prediction.currents import torque_from_currents
+from jointscope.prediction.plant import plant_of
 from jointscope.prediction.torque_log import Samples, TorqueLog, undistorted
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Quantity, Run, Signal
+from jointscope.recordings.motor_torque import envelope
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 SOURCES: tuple[Quantity, ...] = ("torque", "current", "phase-current", "voltage")
 
@@ -36,12 +34,14 @@ class TorqueInput:
 
     Attributes:
         value: Of time [s].
+        samples: The log's own [N m], shape (n,).
         source: Quantity it was read from.
         rate: Of the recording [Hz].
         note: What a reader of the prediction must know of it; empty where nothing.
     """
 
     value: Bandlimited
+    samples: Real
     source: Quantity
     rate: float
     note: str = ""
@@ -89,10 +89,13 @@ def _read(
         values = first.samples
     else:
         values, note = _from_phases(model, run, signals, motor_angle)
-        values = values * _peak(first) * _torque_constant(model, run, first)
     read = undistorted(Samples(values, first.sampling_rate, first.stream.start), log)
     return TorqueInput(
-        value=bandlimited(read.values, read.rate, read.start), source=quantity, rate=read.rate, note=note
+        value=bandlimited(read.values, read.rate, read.start),
+        samples=read.values,
+        source=quantity,
+        rate=read.rate,
+        note=note,
     )
 
 
@@ -112,46 +115,33 @@ def _torque_constant(model: BaseModel, run: Run, signal: Signal) -> float:
 
 
 def _from_phases(model: BaseModel, run: Run, signals: tuple[Signal, ...], motor_angle: float) -> tuple[Real, str]:
-    phases = [signal.samples for signal in signals if signal.device == signals[0].device]
-    if len(phases) == 1:
-        envelope = np.abs(dsp.hilbert(phases[0]))
-        return envelope, "one phase current gives |T_e| only (Hilbert envelope): the torque's sign is lost"
-    u, v = phases[0], phases[1]
-    w = phases[2] if len(phases) > 2 else -u - v
-    vector = -1j * 2.0 / 3.0 * (u + v * np.exp(2j * np.pi / 3) + w * np.exp(4j * np.pi / 3))
-    if model.rig.pole_pairs is None:
-        raise RefusedError(
-            f"run {run.id!r}: phase currents need rig.pole_pairs in campaign.toml to find the torque's sign"
-        )
-    return quadrature_current(vector, model.rig.pole_pairs * motor_angle), ""
+    """T_e [N m] at the samples of the phases, and what a reader must know of its sign."""
+    K_t = _torque_constant(model, run, signals[0])
+    same = [signal for signal in signals if signal.device == signals[0].device]
+    if len(same) == 1:
+        note = "one phase current gives |T_e| only (Hilbert envelope): the torque's sign is lost"
+        return K_t * _peak(same[0]) * envelope(same[0].samples), note
+    if len(same) == 2:
+        run = _with_third_phase(run, same)
+    rig = replace(model.rig, torque_constant=K_t)
+    found = torque_from_currents(run, rig, plant_of(model, run).holding_torque(run.arm_angle))
+    values = found.values
+    if not found.anchored:
+        # at rest without gravity: the rotor's own angle n q_s is known, and with it which way the vector points
+        expected = (rig.pole_pairs or 1) * motor_angle
+        lead = np.abs(found.values) > 0.05 * float(np.max(np.abs(found.values)))
+        first = int(np.argmax(lead))
+        if math.cos(found.electrical_angle[first] - expected) < 0.0:
+            values = -values
+    places = ", ".join(f"{doubt.start:.3f}-{doubt.end:.3f} s" for doubt in found.doubts)
+    return values, f"the phase currents leave the torque's sign open behind {places}" if places else ""
 
 
-def quadrature_current(vector: Complex, electrical_angle: float) -> Real:
-    """Signed i_q [A] from its rotating vector i_q exp(j p theta), shape (n,).
-
-    The square of the vector has no sign to lose; its angle 2 p theta is followed forwards by a second-order tracker
-    that coasts where the current is small.
-
-    Args:
-        vector: Shape (n,).
-        electrical_angle: p theta at the first sample [rad].
-    """
-    level = float(np.sqrt(np.mean(np.abs(vector) ** 2)))
-    angle = _followed(np.ascontiguousarray(vector, dtype=np.complex128), electrical_angle, 0.05 * level + 1e-300)
-    return np.asarray((vector * np.exp(-1j * angle)).real, dtype=np.float64)
-
-
-@numba.njit(cache=True)
-def _followed(vector, angle, small):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    out = np.empty(vector.size)
-    speed = 0.0
-    for i in range(vector.size):
-        if i > 0:
-            angle += speed
-        square = vector[i] * vector[i] * np.exp(-2j * angle)
-        trust = abs(square) / (abs(square) + small * small)
-        error = 0.5 * np.arctan2(square.imag, square.real) * trust
-        angle += 0.4 * error
-        speed += 0.08 * error
-        out[i] = angle
-    return out
+def _with_third_phase(run: Run, phases: list[Signal]) -> Run:
+    """The same run with w = -u - v as a channel of the phases' stream."""
+    samples = -phases[0].samples - phases[1].samples
+    third = replace(phases[1].channel, column=f"{phases[1].channel.column} (third phase)", samples=samples)
+    stream = replace(phases[0].stream, channels=(*phases[0].stream.channels, third))
+    streams = list(run.streams)
+    streams[phases[0].device] = stream
+    return replace(run, streams=tuple(streams))

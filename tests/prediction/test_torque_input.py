@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jointscope.errors import RefusedError
-from jointscope.prediction.torque_input import quadrature_current, torque_input
+from jointscope.prediction.torque_input import torque_input
 from jointscope.prediction.torque_log import Samples, TorqueLog, undistorted
 
 RATE = 10_000.0
@@ -36,11 +36,6 @@ def test_three_phases_keep_the_sign_of_a_current_that_crosses_zero(bench, rng):
     found = torque_input(bench.model(rig), with_currents(bench, currents), angle[0] / 5)
     assert np.max(np.abs(found.value(t) - 0.458 * i_q)) < 0.03
     assert found.note == ""
-
-
-def test_the_quadrature_current_of_a_still_motor_is_its_projection():
-    i_q = np.linspace(-2.0, 2.0, 4000)
-    assert quadrature_current(i_q * np.exp(1j * 0.4), 0.4) == pytest.approx(i_q, abs=1e-9)
 
 
 def test_two_phases_are_as_good_as_three(bench):
