@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -53,7 +54,8 @@ def set_up(
     spec = spec.copy()
     physics.edit(spec)
     free = machine(spec, timestep)
-    rest: Equilibrium = equilibrium(free, arm_angle, physics.law(free.model) if physics.law else None)
+    law = physics.law(copy.copy(free.model)) if physics.law else None  # a law may renew dry friction in its model
+    rest: Equilibrium = equilibrium(free, arm_angle, law)
     motor = int(free.model.joint("motor").qposadr[0])
     motor_angle = float(rest.q[motor])
     if not braked:

@@ -37,7 +37,7 @@ Real = NDArray[np.float64]
 
 __all__ = ["LoggedLoop", "base_run", "logged_torque", "replay", "replay_run"]
 
-_ABSOLUTE = ("arm", "end-stop")  # tendons whose length is the load's own coordinate
+_ABSOLUTE = ("arm", "arm in space", "end-stop")  # tendons whose length is the load's own coordinate
 MOTOR_ON_LOAD = "motor on load"  # actuator of a single inertia whose motor is rigid with it
 _HELD = ("brake", "brake-with-play", "locked")
 
@@ -171,7 +171,7 @@ def _single(
     spec.actuator("motor").name = MOTOR_ON_LOAD
     if spring:
         reducer = spec.joint("reducer")
-        reducer.parent.add_joint(name="motor", type=reducer.type, axis=list(reducer.axis))
+        spec.body("motor").add_joint(name="motor", type=reducer.type, axis=list(reducer.axis))
         for tendon in spec.tendons:
             if tendon.name.startswith(_ABSOLUTE):
                 tendon.wrap_joint("motor", 1.0)
@@ -207,7 +207,8 @@ def _loads(setup: Setup, run: Run, times: Real, physics: Physics) -> dict[str, R
 
 def _instrument(spec: mujoco.MjSpec, run: Run) -> dict[float, str]:
     """Put the hammer, an accelerometer per radius and an external arm torque where the run has them."""
-    arm_torque = spec.add_actuator(name="arm torque", trntype=mujoco.mjtTrn.mjTRN_TENDON, target="arm")
+    target = "arm in space" if spec.tendon("arm in space") is not None else "arm"  # where the mount moves too
+    arm_torque = spec.add_actuator(name="arm torque", trntype=mujoco.mjtTrn.mjTRN_TENDON, target=target)
     arm_torque.gear[0] = 1.0
     radius = hammer_radius(run)
     if radius is not None:
@@ -253,7 +254,7 @@ def _controller(
         command,
         rate,
         ratio=ratio(campaign),
-        motor_angle=setup.motor_angle,
+        start_angle=setup.motor_angle,
         first=float(logged[0]) if torque is not None else hold,
         share=loop.share if torque is not None else 1.0,
         timestep=setup.machine.timestep,

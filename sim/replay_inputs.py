@@ -133,7 +133,7 @@ def speed_law(
     rate: Real,
     *,
     ratio: float,
-    motor_angle: float,
+    start_angle: float,
     first: float,
     share: float,
     timestep: float,
@@ -145,21 +145,21 @@ def speed_law(
         logged: Logged torque on the stepping grid [N m], shape (n,).
         command: Commanded motor speed on that grid [rad/s], and its ``rate`` [rad/s^2], shape (n,).
         ratio: n.
-        motor_angle: q_s at the start [rad].
+        start_angle: q_s at the start [rad].
         first: What the integrator holds at the start [N m].
         share: Of the law in the torque [-].
         timestep: h [s].
     """
     h = timestep
     feedforward = loop.acceleration_feedforward * rate + loop.velocity_feedforward * command
-    last, integrator, k = motor_angle, first, 0
+    last, integrator, k = start_angle, first, 0
 
-    def control(t: float, angle: float) -> float:
+    def control(t: float, motor_angle: float) -> float:
         nonlocal last, integrator, k
         now = min(k, len(logged) - 1)
         k += 1
-        error = command[now] - ratio * (angle - last) / h
-        last = angle
+        error = command[now] - ratio * (motor_angle - last) / h
+        last = motor_angle
         asked = loop.proportional * error + integrator + feedforward[now]
         torque = min(max(asked, -loop.torque_limit), loop.torque_limit)
         if torque == asked or (asked - torque) * error < 0.0:

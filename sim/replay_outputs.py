@@ -60,8 +60,9 @@ def _ideal(campaign: Campaign, run: Run, signal: Signal, trace: Trace, radii: di
     two = campaign.rig.topology == "two-inertia"
     if channel.quantity == "linear-acceleration" and channel.radius in radii:
         return signals[radii[channel.radius]][:, 2 if channel.direction == "tangential" else 0]
-    if channel.quantity == "linear-acceleration" and channel.radius is None and not at_motor:
-        return signals["arm acceleration"]
+    absolute = channel.quantity in ("linear-acceleration", "angular-acceleration", "acceleration") and not at_motor
+    if absolute:  # an accelerometer rides on the mount too, if that moves
+        return np.asarray(signals["arm acceleration"] + signals.get("base acceleration", 0.0))
     if channel.quantity in _KINDS and channel.location in ("motor", "arm", "load"):
         side = "motor" if at_motor and two else "arm"
         name = f"{side} {_KINDS[channel.quantity]}"

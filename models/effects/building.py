@@ -22,7 +22,7 @@ STUCK = (1e-4, 1.0)  # solreffriction: a stuck contact forgets its speed within 
 EXACT = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimpfriction: creeps by 1e-4 of what the default lets creep
 SPRING = "reducer spring"  # fixed tendons that stand in for the reducer joint's own spring
 SOFT = "reducer low-torque spring"
-ARM_TENDONS = ("arm", "end-stop")  # measure q, not q - q_s
+IN_SPACE = "arm in space"  # tendon whose length is the arm's angle against the ground, where the mount moves
 _FAR = 1e3  # rad or m; beyond every travel
 
 Parameters = Mapping[str, float]
@@ -113,6 +113,12 @@ class Building:
 
     def finish(self) -> mujoco.MjSpec:
         """Write what was collected; a single inertia loses its motor."""
+        if self.spec.joint("base") is not None:
+            ground = self.spec.add_tendon(name=IN_SPACE)
+            for joint in ("base", "motor", "reducer"):
+                ground.wrap_joint(joint, 1.0)
+            if self.single:
+                self.spec.actuator("motor").target = IN_SPACE
         self._write_spring()
         self._write_arm()
         for location, (torque, bias) in self.friction.items():
@@ -148,7 +154,8 @@ class Building:
         if self.translational:
             arm.mass, arm.ipos, arm.inertia = own, [0.0, 0.0, 0.0], [own, own, own]
             if self.weight.real != 0.0:
-                constant_force(self.spec, "weight", "arm", -self.weight.real)
+                moving = self.spec.tendon(IN_SPACE) is not None
+                constant_force(self.spec, "weight", IN_SPACE if moving else "arm", -self.weight.real)
             return
         moment, phase = abs(self.weight), math.atan2(self.weight.imag, self.weight.real)
         if not self.vertical and moment > 0.0:  # gravity points out of the plane, but something pulls
@@ -166,7 +173,9 @@ class Building:
         element.frictionloss = max(torque, 1e-9)
         element.solref_friction, element.solimp_friction = list(STUCK), list(EXACT)
         if bias != 0.0:
-            constant_force(self.spec, f"friction asymmetry {location}", location, -bias)
+            constant_force(
+                self.spec, f"friction asymmetry {location}", "motor" if location == "motor" else "arm", -bias
+            )
 
     def add_stop(self, side: float, angle: float, stiffness: float) -> None:
         """A one-sided spring on q beyond ``angle`` in the direction ``side``."""
@@ -178,13 +187,13 @@ class Building:
         stop.springlength = [-_FAR, angle] if side > 0.0 else [angle, _FAR]
 
 
-def constant_force(spec: mujoco.MjSpec, name: str, location: str, value: float) -> None:
-    """An actuator without control that pulls with ``value`` [N m or N] on joint ``motor`` or tendon ``arm``."""
-    at_motor = location == "motor"
+def constant_force(spec: mujoco.MjSpec, name: str, target: str, value: float) -> None:
+    """An actuator without control that pulls with ``value`` [N m or N] on joint ``motor`` or the tendon ``target``."""
+    at_motor = target == "motor"
     actuator = spec.add_actuator(
         name=name,
         trntype=mujoco.mjtTrn.mjTRN_JOINT if at_motor else mujoco.mjtTrn.mjTRN_TENDON,
-        target="motor" if at_motor else "arm",
+        target=target,
     )
     actuator.gainprm[0] = 0.0
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE

@@ -147,7 +147,7 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
     """One law's share in what an accelerometer sees."""
     kind, channel, h = law["kind"], signal.channel, trace.timestep
     if kind == "accelerometer-gain":
-        return law["gain"] * values
+        return float(law["gain"]) * values
     if kind == "sensor-resonance":
         return _mount(values, law["frequency"], law["damping"], h)
     if kind == "sensor-bandwidth":
@@ -157,13 +157,13 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
     radius = channel.radius or 1.0
     if kind == "link-sensor" and channel.direction == "tangential":
         scale = radius if channel.quantity == "linear-acceleration" else 1.0
-        return values + law["shape"] * scale * trace.signals["link acceleration"]
+        return np.asarray(values + float(law["shape"]) * scale * trace.signals["link acceleration"])
     if kind == "sensor-tilt" and channel.quantity == "linear-acceleration":
         q, v = trace.signals["arm angle"], trace.signals["arm speed"]
         cos, sin = math.cos(law["angle"]), math.sin(law["angle"])
         if channel.direction == "radial":
-            return cos * values - sin * (radius * trace.signals["arm acceleration"] + gravity * np.cos(q))
-        return cos * values + sin * (gravity * np.sin(q) - radius * v**2)
+            return np.asarray(cos * values - sin * (radius * trace.signals["arm acceleration"] + gravity * np.cos(q)))
+        return np.asarray(cos * values + sin * (gravity * np.sin(q) - radius * v**2))
     return values
 
 

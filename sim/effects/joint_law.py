@@ -67,18 +67,18 @@ def joint_law(
     laws = [law for law in laws if law["kind"] != "external-vibration" or frame.run in law.get("phases", {})]
     if not laws:
         return None, None
-    command = _Command()
+    last = _Command()
     listens = any(law["kind"] == "torque-ripple" for law in laws)
 
     def make(model: mujoco.MjModel) -> ForceLaw:
-        return _JointLaw(model, laws, Spring(**spring), frame, command)
+        return _JointLaw(model, laws, Spring(**spring), frame, last)
 
     def listen(timestep: float) -> Actuation:
         del timestep
 
-        def actuation(t: float, torque: float) -> float:
-            command.torque = torque
-            return torque
+        def actuation(t: float, command: float) -> float:
+            last.torque = command
+            return command
 
         return actuation
 
@@ -98,7 +98,7 @@ class _JointLaw:
         self, model: mujoco.MjModel, laws: Sequence[Law], spring: Spring, frame: Frame, command: _Command
     ) -> None:
         self.model, self.spring, self.frame, self.command = model, spring, frame, command
-        self.reducer, self.motor = _joint(model, "reducer"), _joint(model, "motor")
+        self.reducer, self.motor, self.base = (_joint(model, name) for name in ("reducer", "motor", "base"))
         self.held = frame.arm_angle  # q_s while no joint moves the motor; set at t = 0
         self.force = np.zeros(model.nv)
         by_kind = {kind: [law for law in laws if law["kind"] == kind] for kind in MECHANICS}
@@ -152,8 +152,9 @@ class _JointLaw:
         on_arm += sum(a * math.sin(w * (t + self.frame.origin) + phase) for a, w, phase in self.shakes)
         if on_arm:
             force[self.reducer] += on_arm
-            if self.motor >= 0:
-                force[self.motor] += on_arm
+            for coordinate in (self.motor, self.base):
+                if coordinate >= 0:
+                    force[coordinate] += on_arm
         for array, index, constant, at_motor, laws in self.contacts:
             speed = abs(v_s if at_motor else v_s + v)
             array[index] = constant + sum(_level(law, speed, torque) for law in laws)

@@ -15,6 +15,8 @@ The verdict is one of
 DIR holds
   diagnosis.json   the answer, in full
   model.json       the model with the effects in it; jointscope predict runs it on new inputs
+  augmented.xml    the same model in MJCF, effects.json what MJCF has no element for, base.xml the base alone;
+                   jointscope confirm DIR runs the held-out experiments through them
 
 Which runs are kept back: those with role = "validate"; without any, every third run of each experiment by level.
 """
@@ -49,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
     from jointscope.diagnosis.pipeline import diagnose
     from jointscope.diagnosis.predict import free_prediction, predict_outputs
     from jointscope.diagnosis.prepare import prepare
+    from jointscope.models.effects import write_augmented
     from jointscope.recordings.reader import read_campaign
 
     started = time.monotonic()
@@ -64,8 +67,12 @@ def run(options: argparse.Namespace) -> int:
         answer = finite_or_none(diagnosis_json(diagnosis, free_prediction))
     theta, effects = diagnosis.decision.chosen.fit.coordinates.unpack(diagnosis.decision.chosen.fit.x)
     model = model_json(problem.rig, problem.base.names, theta, effects)
+    alone = diagnosis.judgement.base.fit
+    model["base_alone"] = model_json(problem.rig, problem.base.names, alone.coordinates.unpack(alone.x)[0], ())["base"]
+    answer["campaign"] = Path(os.path.relpath(options.campaign, options.out)).as_posix()
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
     write_text(options.out / "model.json", json.dumps(model, indent=2, allow_nan=False) + "\n")
+    write_augmented(model, options.out)
     write_text(options.out / "diagnosis.json", text)
     print(text if options.json else summary(answer, options.out), end="")
     return 0
