@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +16,7 @@ from jointscope.identification.direct_parametric import ParametricFit
 from jointscope.identification.result import Identification, MatrixFit
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 _TURN = 180.0 / np.pi
 
@@ -48,17 +49,24 @@ def _frf(found: Identification, path: Path) -> Picture:
         size.semilogy(frequency, np.abs(measured), color=MEASURED, label="measured (H1)")
         size.semilogy(frequency, np.abs(model), color=PREDICTED, label="fitted")
         size.semilogy(frequency, np.abs(measured - model), color=QUIET, linewidth=0.8, label="measured - fitted")
-        if found.frf.averages > 1:
+        if frf.averages > 1:
             noise = np.sqrt(frf.variance[show])
             size.semilogy(frequency, noise, color=THIRD, linewidth=0.8, label="standard deviation of H1")
         size.set_ylabel("|q''/T| [rad/s² per N m]" if not found.refused else "|output/input|")
         size.set_title("Averaged response, the fit, and what the fit leaves over")
         size.legend(ncols=2)
-        phase.plot(frequency, np.angle(measured) * _TURN, color=MEASURED)
-        phase.plot(frequency, np.angle(model) * _TURN, color=PREDICTED)
+        loud = (
+            np.abs(measured) > 5.0 * np.sqrt(frf.variance[show]) if frf.averages > 1 else np.ones(show.sum(), bool)
+        )
+        phase.plot(
+            frequency,
+            np.where(loud, np.mod(np.angle(measured) * _TURN + 30.0, 360.0) - 30.0, np.nan),
+            color=MEASURED,
+        )
+        phase.plot(frequency, np.mod(np.angle(model) * _TURN + 30.0, 360.0) - 30.0, color=PREDICTED)
         phase.set_ylabel("phase [deg]")
-        phase.set_yticks([-180, -90, 0, 90, 180])
-        if found.frf.averages > 1:
+        phase.set_yticks([0, 90, 180, 270])
+        if frf.averages > 1:
             coherence.plot(frequency, frf.coherence[show], color=MEASURED)
         else:
             coherence.text(0.5, 0.5, "one hit: no coherence", transform=coherence.transAxes, ha="center")

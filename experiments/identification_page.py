@@ -80,33 +80,53 @@ def _parameters(found: Identification) -> Section:
     )
 
 
+def _modes(found: Identification) -> Table:
+    return Table(
+        columns=("", "frequency [Hz]", "95 %", "damping ratio [%]", "95 %"),
+        rows=tuple(
+            (
+                mode.kind,
+                f"{mode.frequency.value:.5g}",
+                _interval((mode.frequency.low, mode.frequency.high)),
+                f"{100 * mode.damping_ratio.value:.4g}",
+                _interval((100 * mode.damping_ratio.low, 100 * mode.damping_ratio.high)),
+            )
+            for mode in found.modes
+        ),
+    )
+
+
+def _comparison(found: Identification) -> Table:
+    return Table(
+        columns=("method", "frequency [Hz]", "damping ratio [%]", "a2/b1", "1/b1", "a1/b1"),
+        rows=tuple(
+            (
+                row.method,
+                f"{row.frequency:.4f}",
+                f"{100 * row.damping_ratio:.3f}",
+                f"{row.stiffness:.6g}",
+                f"{row.inertia:.5g}",
+                f"{row.damping:.5g}",
+            )
+            for row in found.comparison
+        ),
+    )
+
+
 def report(
     found: Identification, title: str, pictures: Sequence[Picture], quality: Sequence[Mapping[str, Any]] = ()
 ) -> str:
     """The page as HTML."""
     sections = [_parameters(found)] if found.parameters else []
     if found.modes:
-        rows = tuple(
-            (mode.kind, f"{mode.frequency.value:.5g}", _interval((mode.frequency.low, mode.frequency.high)),
-             f"{100 * mode.damping_ratio.value:.4g}",
-             _interval((100 * mode.damping_ratio.low, 100 * mode.damping_ratio.high)))
-            for mode in found.modes
-        )  # fmt: skip
-        columns = ("", "frequency [Hz]", "95 %", "damping ratio [%]", "95 %")
-        sections.append(Section(heading="Modes", table=Table(columns=columns, rows=rows)))
+        sections.append(Section(heading="Modes", table=_modes(found)))
     if pictures:
         sections.append(Section(heading="Pictures", pictures=tuple(pictures)))
     if found.comparison:
-        rows = tuple(
-            (row.method, f"{row.frequency:.4f}", f"{100 * row.damping_ratio:.3f}", f"{row.stiffness:.6g}",
-             f"{row.inertia:.5g}", f"{row.damping:.5g}")
-            for row in found.comparison
-        )  # fmt: skip
-        columns = ("method", "frequency [Hz]", "damping ratio [%]", "a2/b1", "1/b1", "a1/b1")
-        sections.append(Section(heading="The main mode by other methods", table=Table(columns=columns, rows=rows)))
+        sections.append(Section(heading="The main mode by other methods", table=_comparison(found)))
     if found.refused:
-        rows = tuple((row.parameter, row.reason) for row in found.refused)
-        sections.append(Section(heading="Refused", table=Table(columns=("parameter", "why"), rows=rows)))
+        refused = tuple((row.parameter, row.reason) for row in found.refused)
+        sections.append(Section(heading="Refused", table=Table(columns=("parameter", "why"), rows=refused)))
     findings = [(str(q.get("finding")), str(q.get("run") or ""), str(q.get("detail") or "")) for q in quality]
     findings += [(row.finding, row.run, row.detail) for row in found.rejected]
     if findings:

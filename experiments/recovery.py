@@ -18,12 +18,16 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.atomic import replaced_file, write_text
 from jointscope.progress import track
+
+if TYPE_CHECKING:
+    from jointscope.recordings.campaign import Campaign
 
 Real = NDArray[np.float64]
 
@@ -154,7 +158,7 @@ def _one(case: Case, seed: int) -> Real:
     return np.array([seed, *records.truth, *records.bound, *(e.value for e in own), *others[0], *others[1], *ends])
 
 
-def _closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[object, _Records]:
+def _closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, _Records]:
     from jointscope.experiments.recovery_bound import fisher_matrix
     from jointscope.experiments.recovery_truth import Bench, draw_pulses, record
     from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
@@ -192,7 +196,7 @@ def _closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[object,
     )
 
 
-def _mujoco_campaign(case: Case, rng: np.random.Generator) -> tuple[object, _Records]:
+def _mujoco_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, _Records]:
     from jointscope.models.paper import paper_rig
     from jointscope.sim.chain import noiseless
     from jointscope.sim.measurement_noise import HitNoise, with_noise

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 _ORDER = {
     "linear-acceleration": 2, "angular-acceleration": 2, "acceleration": 2, "angular-velocity": 1, "velocity": 1,

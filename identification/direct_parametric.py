@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from jointscope.identification.hit_scatter import HitDeviations, deviations, est
 from jointscope.identification.modal_model import ModalModel
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 _ROUNDS = 8  # of noise and scatter against the fit; three usually do
 _SHAPE_FREEDOM = 80  # degrees of freedom wanted behind every point of the noise's shape
@@ -80,7 +81,9 @@ def _floor(model: ModalModel, hit: HitSpectrum) -> Real:
     """The least noise worth telling from none, shape (n_outputs, 1): a thousandth of what the force's noise does."""
     transfer = hit.sensor * model.response(2j * np.pi * hit.frequency)
     through = np.abs(transfer) * np.linalg.norm(hit.input_basis, axis=1)
-    return np.maximum(1e-3 * through.max(axis=1), 1e-9 * np.abs(hit.output).max(axis=1))[:, None] + 1e-300
+    return np.asarray(
+        np.maximum(1e-3 * through.max(axis=1), 1e-9 * np.abs(hit.output).max(axis=1))[:, None] + 1e-300
+    )
 
 
 def noise_shape(

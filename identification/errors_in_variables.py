@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from jointscope.errors import RefusedError
 from jointscope.identification.modal_model import ModalModel
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 _SHORT = 64  # samples of contact up to which compacting is cheaper than carrying them along
 _FLAT = 1e3  # prior standard deviation of a transient, in units of its own size at which it equals the noise
@@ -305,13 +306,13 @@ def residual_noise(
     model: ModalModel, hits: Sequence[HitSpectrum], noise: Sequence[Real], scatter: Scatter
 ) -> list[tuple[Complex, float]]:
     """Per hit: what no nuisance explains, as measured lines, shape (n_outputs, n), and its degrees of freedom."""
-    result = []
+    result: list[tuple[Complex, float]] = []
     taken = model.vector().size / len(hits)
     for hit, sigma in zip(hits, noise, strict=True):
         white = whiten(model, hit, sigma, scatter)
         solve = white.solver()
         left = solve(white.residual)
         half = left.size // 2
-        lines = (left[:half] + 1j * left[half:]).reshape(sigma.shape) * sigma
+        lines: Complex = np.asarray((left[:half] + 1j * left[half:]).reshape(sigma.shape) * sigma, dtype=complex)
         result.append((lines, left.size - solve.freedom_used - taken))
     return result

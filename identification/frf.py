@@ -14,6 +14,7 @@ response to G(s + sigma): the damping it adds is exact and is taken off again in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from jointscope.errors import RefusedError
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +104,7 @@ def estimate_frf(
     if exponential:
         decay = np.exp(-exponential * np.arange(u.shape[1]) / rate)
         u, y = u * decay, y * decay
-    frequency = np.fft.rfftfreq(u.shape[1], 1.0 / rate)[1:]
+    frequency = np.asarray(np.fft.rfftfreq(u.shape[1], 1.0 / rate)[1:], dtype=np.float64)
     return from_spectra(frequency, np.fft.rfft(u)[:, 1:] / rate, np.fft.rfft(y)[:, 1:] / rate, exponential)
 
 

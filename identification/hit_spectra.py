@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from jointscope.identification.hits import Contact, find_contact, is_clipped, is
 from jointscope.recordings.campaign import Nameplate, Run
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 HIGHEST_SHARE = 0.46  # of the sampling rate: beyond it aliases and the filters' flanks are all there is
 

@@ -8,6 +8,7 @@ whether it matters.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from jointscope.identification.direct_parametric import ParametricFit
 from jointscope.identification.errors_in_variables import residual_noise
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 MATERIAL = 0.01  # share of the response below which a real misfit is no reason to doubt a parameter
 

@@ -10,6 +10,7 @@ and each pass divides by the last pass's denominator, so that the error counted 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from jointscope.identification.errors_in_variables import HitSpectrum
 from jointscope.identification.modal_model import ModalModel, single_mode
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 def single_mode_start(hits: Sequence[HitSpectrum], passes: int = 12) -> ModalModel:

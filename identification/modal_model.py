@@ -10,12 +10,13 @@ ends in motion gets its own transient instead (``errors_in_variables``), so that
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +43,7 @@ class ModalModel:
     @property
     def outputs(self) -> int:
         """Number of outputs."""
-        return self.b1.shape[0]
+        return int(self.b1.shape[0])
 
     @property
     def modes(self) -> int:

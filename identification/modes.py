@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from jointscope.identification.modal_model import ModalModel
 from jointscope.identification.vector_fitting import starting_poles, vector_fit
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 FAITHFUL = 5e-4  # share of every line that no sensor chain promises; no mode is believed on less
 HIGHEST_DAMPING = 0.25  # above it a pole is part of the background
@@ -111,7 +112,7 @@ def select_modes(
     transients = any(hit.truncated for hit in data)
     table: list[StablePole] = []
     before: list[StablePole] = []
-    poles = np.zeros(0, dtype=np.complex128)
+    poles: Complex = np.zeros(0, dtype=np.complex128)
     for order in range(1, highest + 1):
         start = starting_poles(band[0], band[1], order)
         poles = vector_fit(data, start, passes=15, transients=transients)
@@ -221,7 +222,9 @@ def _normal(hits: Sequence[HitSpectrum], noise: Sequence[Real], o: int, a1: Real
     return _Normal(rows.T @ rows, rows.T @ side, labels, float(side @ side), scale)
 
 
-def _solve(system: _Normal, modes: Sequence[int], lines: bool) -> tuple[Real, Real, float]:
+def _solve(
+    system: _Normal, modes: Sequence[int], lines: bool
+) -> tuple[NDArray[np.intp], NDArray[np.floating[Any]], float]:
     allowed = np.array([label in modes or (lines and label == -1) for label in system.labels])
     index = np.flatnonzero(allowed)
     inner = system.matrix[np.ix_(index, index)]

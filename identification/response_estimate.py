@@ -9,6 +9,7 @@ exact differences whose transfer is divided out again, so that a drifting angle 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from jointscope.errors import RefusedError
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 REPEATS = 0.9  # autocorrelation above which two stretches are the same excitation
 EXCITED = 0.2  # of the strongest line down to which a line counts as excited

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,9 +81,9 @@ class MatrixFit:
 
     frequency: NDArray[np.float64]
     names: tuple[str, ...]
-    measured: NDArray[np.complex128]
+    measured: NDArray[np.complexfloating[Any, Any]]
     deviation: NDArray[np.float64]
-    fitted: NDArray[np.complex128]
+    fitted: NDArray[np.complexfloating[Any, Any]]
     log_error: float
     quantities: tuple[str, ...] = field(default=())
 

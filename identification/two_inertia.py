@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from jointscope.errors import RefusedError
 from jointscope.identification.response_estimate import WELL_BEHAVED, Responses
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 PARAMETERS = ("motor_inertia_output", "load_inertia", "stiffness", "damping", "motor_damping", "load_damping")
 _DELAYS = 1e-3  # s, scale of the delays

@@ -9,6 +9,7 @@ record cut off in mid-decay is no error: for output o of hit h
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from jointscope.identification.errors_in_variables import HitSpectrum
 
 Real = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 def starting_poles(low: float, high: float, count: int) -> Complex:
@@ -74,7 +75,7 @@ def vector_fit(
                 real = np.concatenate([block.real, block.imag])
                 norm = np.linalg.norm(real[:, : own.shape[1]], axis=0)
                 real[:, : own.shape[1]] /= np.where(norm > 0.0, norm, 1.0)
-                upper = np.linalg.qr(real, mode="r")
+                upper = np.asarray(np.linalg.qr(real, mode="r"))
                 rows.append(upper[own.shape[1] :, own.shape[1] :])  # what the output's own unknowns can't explain
                 sides.append(np.real(np.sum(shared[:, -1] * weight)))
         stacked = np.concatenate(rows)
