@@ -18,6 +18,7 @@ alone): x' = f(x, u) + L (y - C x).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
@@ -126,7 +127,7 @@ def windup(P: Real, torque: float) -> float:
             low = middle
         else:
             high = middle
-    return 0.5 * (low + high)
+    return float(0.5 * (low + high))
 
 
 @_compiled
@@ -327,7 +328,7 @@ _rates_inlined = _inlined(_rates_source)
 def _at(u: Real, k: int, s: float) -> float:
     """Input at the fraction ``s`` of step ``k``; ``u`` holds half steps."""
     a, b, c = u[2 * k], u[2 * k + 1], u[2 * k + 2]
-    return a + s * (4.0 * b - 3.0 * a - c) + 2.0 * s * s * (a - 2.0 * b + c)
+    return float(a + s * (4.0 * b - 3.0 * a - c) + 2.0 * s * s * (a - 2.0 * b + c))
 
 
 @_compiled
@@ -347,11 +348,16 @@ def _remember(P: Real, S: NDArray[np.int64], mem: Real, delta: float) -> None:
 def _windup_of(x: Real, P: Real, S: NDArray[np.int64], y: float) -> float:
     q_s = y if S[MOTOR] == MOTOR_PRESCRIBED else x[0]
     q = y if S[LOAD_PRESCRIBED] else x[2]
+    return _windup_of_scalars(q_s, q, P, S)
+
+
+@_compiled
+def _windup_of_scalars(q_s: float, q: float, P: Real, S: NDArray[np.int64]) -> float:
     error = 0.0
     for i in range(S[N_TE]):
         b = TE_0 + 4 * i
         error += P[b] * math.sin(P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3])
-    return q_s + error - q
+    return float(q_s + error - q)
 
 
 @_compiled
@@ -374,7 +380,7 @@ def _release(f0: float, f1: float, g0: float, g1: float, P: Real, first: int, go
     over1 = go * f1 - level * excess - g1
     if over0 >= 0.0 or over1 <= over0:
         return 0.0
-    return -over0 / (over1 - over0)
+    return float(-over0 / (over1 - over0))
 
 
 @_compiled
@@ -516,18 +522,25 @@ def _simulate_full(
     _record(P, S, sm, sl, aux, out, n)
 
 
-# --- the same joint in four scalars: no modes, branches, loops, periodic or hysteretic laws; three times as fast ------
+# --- the same joint in scalars: base, friction, play, springs, stops (and, if RICH, one further mode, one hysteretic law,
+# periodic lines): no state vector, so three times as fast; loops, branches and prescribed motions stay above ----------
 
 
-def _plain_rates_source(
-    q_s: float, v_s: float, q: float, v: float, t: float, um: float, ul: float, y: float,
+def _scalar_rates_source(
+    q_s: float, v_s: float, q: float, v: float, r: float, u: float, t: float, um: float, ul: float, y: float,
     held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
-    dry_m: bool, dry_l: bool, sm: int, sl: int,
-) -> tuple[float, float, float, float, float, float, float, float, float, float, float]:  # fmt: skip
-    """Rates of the four states, then a_s, q'', T_S, net torques without friction, load-dependent friction levels."""
+    dry_m: bool, dry_l: bool, sm: int, sl: int, rich: bool, P: Real, S: NDArray[np.int64], mem: Real, mode: int,
+) -> tuple[float, ...]:  # fmt: skip
+    """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels."""
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v = p[16:]
     delta, rate = q_s - q, v_s - v
+    if rich:
+        for i in range(S[N_TE]):
+            b = TE_0 + 4 * i
+            arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
+            delta += P[b] * math.sin(arg)
+            rate += P[b] * math.cos(arg) * (P[b + 1] * v_s + P[b + 2] * v)
     el, contact = delta, 1.0
     if gap > 0.0:
         el = delta - centre
@@ -540,12 +553,29 @@ def _plain_rates_source(
     T = k * (1.0 + drift * t) * el + (k_2 + k_3 * el) * el * el + c * contact * rate
     if k_soft != 0.0:
         T -= k_soft * min(max(el, -soft), soft)
+    if rich:
+        if P[REID] != 0.0:
+            bend = _STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
+            T += P[REID] * k * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)
+        kind = S[HYST_KIND]
+        if kind == MAXWELL_SLIP:
+            share = (delta - mem[0]) / P[HYST_ANGLE]
+            total = min(max(mem[1] + share, -0.4), 0.4) + min(max(mem[2] + share, -0.8), 0.8)
+            total += min(max(mem[3] + share, -1.2), 1.2) + min(max(mem[4] + share, -1.6), 1.6)
+            T += P[HYST_TORQUE] * 0.25 * total
+        elif kind != 0:
+            T += P[HYST_TORQUE] * _loop(mem[1], delta - mem[0], P[HYST_ANGLE], kind)
     innovation = 0.0
     if o_2 != 0.0:
         innovation = y - o_qs * q_s - o_vs * v_s - o_q * q - o_v * v
     lift, push = o_1 * innovation, o_2 * innovation
 
-    net_m = um - T - b_m * v_s
+    tau = um
+    if rich:
+        for i in range(S[N_RIPPLE]):
+            b = RIPPLE_0 + 4 * i
+            tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
+    net_m = tau - T - b_m * v_s
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -561,10 +591,26 @@ def _plain_rates_source(
             dv_s = a_s + push
     net_m += J_m * push
 
-    d = q - turn[0]
+    inertia, angle, mount, pull, du = J_l, q, 0.0, 0.0, 0.0
+    if rich and mode != 0:
+        if mode == 3:
+            angle += r
+            mount = -P[BASE_SHARE] / J_l * T - P[BASE_OMEGA] * (P[BASE_OMEGA] * r + 2.0 * P[BASE_ZETA] * u)
+            du = mount
+        elif mode == 1:
+            pull = P[LINK_OMEGA] * (P[LINK_OMEGA] * r + 2.0 * P[LINK_ZETA] * u)
+            inertia -= P[LINK_J]
+        else:
+            pull = P[NEAR_OMEGA] * (P[NEAR_OMEGA] * r + 2.0 * P[NEAR_ZETA] * u)
+            inertia -= P[NEAR_J]
+    d = angle - turn[0]
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
     net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - drag * v * abs(v)
+    if rich and (mode == 1 or mode == 2):
+        net_l += (J_l - inertia) * pull
+        if mode == 1:
+            net_l -= P[LINK_HIT] * ul
     if stop_k != 0.0:
         depth = side * (q - stop_angle)
         if depth > 0.0:
@@ -572,118 +618,87 @@ def _plain_rates_source(
             if reaction > 0.0:
                 net_l -= side * reaction
     level_l = f[11] * abs(T)
-    dq, dv, a = v + lift, push, 0.0
+    dq, dv, a = lift, 0.0, mount
     if dry_l:
-        if sl == 0:
-            dq, dv = lift, 0.0
-        else:
-            a = (net_l - sl * (level_l + _friction(f[6], f[7], f[8], f[9], f[10], v, sl))) / J_l
-            dv = a + push
+        if sl != 0:
+            a = (net_l - sl * (level_l + _friction(f[6], f[7], f[8], f[9], f[10], v, sl))) / inertia
+            dq, dv = v + lift, a - mount + push
     else:
-        a = net_l / J_l
-        dv = a + push
-    net_l += J_l * push
-    return dq_s, dv_s, dq, dv, a_s, a, T, net_m, net_l, level_m, level_l
+        a = net_l / inertia
+        dq, dv = v + lift, a - mount + push
+    net_l += inertia * (push - mount)
+    link = 0.0
+    if rich and (mode == 1 or mode == 2):
+        du = -a - pull
+        if mode == 1:
+            du += P[LINK_HIT] * ul / P[LINK_J]
+            link = du
+    return dq_s, dv_s, dq, dv, u, du, a_s, a, link, T, tau, net_m, net_l, level_m, level_l
 
 
-_plain_rates = _compiled(_plain_rates_source)
-_plain_rates_inlined = _inlined(_plain_rates_source)
+_scalar_rates = _compiled(_scalar_rates_source)
+_scalar_rates_inlined = _inlined(_scalar_rates_source)
 
 
-@_compiled
-def _simulate_plain(
-    x: Real,
-    P: Real,
-    held: bool,
-    dry_m: bool,
-    dry_l: bool,
-    um: Real,
-    ul: Real,
-    y: Real,
-    t0: float,
-    h: float,
-    out: Real,
-) -> None:
-    """The laws that four states can hold; see :func:`simulate`."""
-    n = out.shape[0] - 1
-    q_s, v_s, q, v = x[0], x[1], x[2], x[3]
-    p = (
-        P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
-        P[K_SOFT], P[SOFT_ANGLE], P[DRIFT], P[C_QUADRATIC], P[G_CONST], P[G_COS], P[G_SIN], P[STOP_ANGLE], P[STOP_K],
-        P[STOP_C], P[STOP_EXPONENT], P[STOP_SIDE], P[OBS_1], P[OBS_2], P[OBS_QS], P[OBS_VS], P[OBS_Q], P[OBS_V],
-    )  # fmt: skip
-    f = (
-        P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],
-        P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
-    )  # fmt: skip
-    turn = (q, math.cos(q), math.sin(q))
-    sm = 1 if x[1] > 0.0 else (-1 if x[1] < 0.0 else 0)
-    sl = 1 if x[3] > 0.0 else (-1 if x[3] < 0.0 else 0)
-    dry_m = dry_m and not held
-    for k in range(n):
-        if abs(q - turn[0]) > _TURN:
-            turn = (q, math.cos(q), math.sin(q))
-        s, target, pending = 0.0, 1.0, 0
-        e_qs, e_vs, e_q, e_v = q_s, v_s, q, v
-        for event in range(_MAX_EVENTS):
-            whole = s == 0.0 and target == 1.0
-            d = (target - s) * h
-            t, mid = t0 + (k + s) * h, 0.5 * (s + target)
-            if whole:
-                j = 2 * k
-                m1, l1, y1, m2, l2, y2 = um[j], ul[j], y[j], um[j + 1], ul[j + 1], y[j + 1]
-                m3, l3, y3 = um[j + 2], ul[j + 2], y[j + 2]
-            else:
-                m1, l1, y1 = _at(um, k, s), _at(ul, k, s), _at(y, k, s)
-                m2, l2, y2 = _at(um, k, mid), _at(ul, k, mid), _at(y, k, mid)
-                m3, l3, y3 = _at(um, k, target), _at(ul, k, target), _at(y, k, target)
-            a1, b1, c1, d1, acc_s, acc, T, net_m, net_l, level_m, level_l = _plain_rates_inlined(
-                q_s, v_s, q, v, t, m1, l1, y1, held, p, turn, f, dry_m, dry_l, sm, sl
-            )
-            g = 0.5 * d
-            a2, b2, c2, d2, _1, _2, _3, _4, _5, _6, _7 = _plain_rates_inlined(
-                q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, t + g, m2, l2, y2, held, p, turn, f, dry_m, dry_l,
-                sm, sl,
-            )  # fmt: skip
-            a3, b3, c3, d3, _1, _2, _3, _4, _5, _6, _7 = _plain_rates_inlined(
-                q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, t + g, m2, l2, y2, held, p, turn, f, dry_m, dry_l,
-                sm, sl,
-            )  # fmt: skip
-            a4, b4, c4, d4, _1, _2, _3, _4, _5, _6, _7 = _plain_rates_inlined(
-                q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, t + d, m3, l3, y3, held, p, turn, f, dry_m, dry_l,
-                sm, sl,
-            )  # fmt: skip
-            g = d / 6.0
-            e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
-            e_vs = v_s + g * (b1 + 2.0 * (b2 + b3) + b4)
-            e_q = q + g * (c1 + 2.0 * (c2 + c3) + c4)
-            e_v = v + g * (d1 + 2.0 * (d2 + d3) + d4)
-            if event == 0:
-                row = out[k]
-                row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
-                row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = 0.0, T, m1, 0.0
-            if not (dry_m or dry_l):
-                break
-            if pending == 0:
-                if event >= _MAX_EVENTS - 2:
-                    break
-                share = 1.0
-                if dry_m and sm != 0 and sm * e_vs < 0.0:
-                    pending, share = 1, v_s / (v_s - e_vs) if sm * v_s > 0.0 else 0.0
-                if dry_l and sl != 0 and sl * e_v < 0.0:
-                    part = v / (v - e_v) if sl * v > 0.0 else 0.0
-                    if pending == 0 or part < share:
-                        pending, share = 2, part
-                if (dry_m and sm == 0) or (dry_l and sl == 0):
-                    _1, _2, _3, _4, _5, _6, _7, far_m, far_l, far_gm, far_gl = _plain_rates(
-                        e_qs,
-                        e_vs,
-                        e_q,
-                        e_v,
-                        t0 + (k + 1.0) * h,
-                        m3,
-                        l3,
-                        y3,
+def _scalar_simulator(RICH: bool) -> Callable[..., None]:
+    """One loop, compiled twice: without what only ``RICH`` laws need, and with it."""
+
+    def integrate(
+        x: Real, P: Real, S: NDArray[np.int64], held: bool, dry_m: bool, dry_l: bool, mode: int,
+        um: Real, ul: Real, y: Real, t0: float, h: float, out: Real,
+    ) -> None:  # fmt: skip
+        n = out.shape[0] - 1
+        q_s, v_s, q, v, r, u = x[0], x[1], x[2], x[3], 0.0, 0.0
+        if RICH and mode != 0:
+            r, u = x[4], x[5]
+        p = (
+            P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
+            P[K_SOFT], P[SOFT_ANGLE], P[DRIFT], P[C_QUADRATIC], P[G_CONST], P[G_COS], P[G_SIN], P[STOP_ANGLE],
+            P[STOP_K], P[STOP_C], P[STOP_EXPONENT], P[STOP_SIDE], P[OBS_1], P[OBS_2], P[OBS_QS], P[OBS_VS], P[OBS_Q],
+            P[OBS_V],
+        )  # fmt: skip
+        f = (
+            P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],
+            P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
+        )  # fmt: skip
+        turn = (q, math.cos(q), math.sin(q))
+        sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
+        sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
+        dry_m = dry_m and not held
+        mem = np.zeros(5)
+        hyst = False
+        if RICH:
+            hyst = S[HYST_KIND] != 0
+            mem[0] = _windup_of_scalars(q_s, q, P, S)
+        for k in range(n):
+            if abs(q - turn[0]) > _TURN:
+                turn = (q, math.cos(q), math.sin(q))
+            s, target, pending = 0.0, 1.0, 0
+            e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+            for event in range(_MAX_EVENTS):
+                whole = s == 0.0 and target == 1.0
+                d = (target - s) * h
+                t, mid = t0 + (k + s) * h, 0.5 * (s + target)
+                if whole:
+                    j = 2 * k
+                    m1, l1, y1, m2, l2, y2 = um[j], ul[j], y[j], um[j + 1], ul[j + 1], y[j + 1]
+                    m3, l3, y3 = um[j + 2], ul[j + 2], y[j + 2]
+                else:
+                    m1, l1, y1 = _at(um, k, s), _at(ul, k, s), _at(y, k, s)
+                    m2, l2, y2 = _at(um, k, mid), _at(ul, k, mid), _at(y, k, mid)
+                    m3, l3, y3 = _at(um, k, target), _at(ul, k, target), _at(y, k, target)
+                a1, b1, c1, d1, f1, g1, acc_s, acc, link, T, tau, net_m, net_l, level_m, level_l = (
+                    _scalar_rates_inlined(
+                        q_s,
+                        v_s,
+                        q,
+                        v,
+                        r,
+                        u,
+                        t,
+                        m1,
+                        l1,
+                        y1,
                         held,
                         p,
                         turn,
@@ -692,58 +707,117 @@ def _simulate_plain(
                         dry_l,
                         sm,
                         sl,
+                        RICH,
+                        P,
+                        S,
+                        mem,
+                        mode,
                     )
-                    if dry_m and sm == 0:
-                        go = _direction(far_m, far_gm, P, FM_PLUS)
-                        if go != 0:
-                            part = _release(net_m, far_m, level_m, far_gm, P, FM_PLUS, go)
-                            if pending == 0 or part < share:
-                                pending, share = 3 if go > 0 else 5, part
-                    if dry_l and sl == 0:
-                        go = _direction(far_l, far_gl, P, FL_PLUS)
-                        if go != 0:
-                            part = _release(net_l, far_l, level_l, far_gl, P, FL_PLUS, go)
-                            if pending == 0 or part < share:
-                                pending, share = 4 if go > 0 else 6, part
-                if pending == 0:
-                    break
-                target = s + share * (1.0 - s)
-                if target - s > 1e-9:
-                    continue
-                e_qs, e_vs, e_q, e_v = q_s, v_s, q, v
-            # the event itself, at fraction target
-            q_s, v_s, q, v = e_qs, e_vs, e_q, e_v
-            s, target = target, 1.0
-            if pending == 1 or pending == 2:
-                if pending == 1:
-                    v_s = 0.0
-                else:
-                    v = 0.0
-                stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
-                _1, _2, _3, _4, _5, _6, _7, far_m, far_l, far_gm, far_gl = _plain_rates(
-                    q_s, v_s, q, v, t0 + (k + s) * h, _at(um, k, s), _at(ul, k, s), _at(y, k, s), held, p, turn, f,
-                    dry_m, dry_l, stuck_m, stuck_l,
+                )
+                g = 0.5 * d
+                a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = _scalar_rates_inlined(
+                    q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
+                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
                 )  # fmt: skip
-                if pending == 1:
-                    sm = _direction(far_m, far_gm, P, FM_PLUS)
+                a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = _scalar_rates_inlined(
+                    q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
+                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                )  # fmt: skip
+                a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = _scalar_rates_inlined(
+                    q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
+                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                )  # fmt: skip
+                g = d / 6.0
+                e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
+                e_vs = v_s + g * (b1 + 2.0 * (b2 + b3) + b4)
+                e_q = q + g * (c1 + 2.0 * (c2 + c3) + c4)
+                e_v = v + g * (d1 + 2.0 * (d2 + d3) + d4)
+                if RICH:
+                    e_r = r + g * (f1 + 2.0 * (f2 + f3) + f4)
+                    e_u = u + g * (g1 + 2.0 * (g2 + g3) + g4)
+                if event == 0:
+                    row = out[k]
+                    row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
+                    row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = link, T, tau, 0.0
+                if not (dry_m or dry_l):
+                    break
+                if pending == 0:
+                    if event >= _MAX_EVENTS - 2:
+                        break
+                    share = 1.0
+                    if dry_m and sm != 0 and sm * e_vs < 0.0:
+                        pending, share = 1, v_s / (v_s - e_vs) if sm * v_s > 0.0 else 0.0
+                    if dry_l and sl != 0 and sl * e_v < 0.0:
+                        part = v / (v - e_v) if sl * v > 0.0 else 0.0
+                        if pending == 0 or part < share:
+                            pending, share = 2, part
+                    if (dry_m and sm == 0) or (dry_l and sl == 0):
+                        _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = _scalar_rates(
+                            e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, held, p, turn, f, dry_m,
+                            dry_l, sm, sl, RICH, P, S, mem, mode,
+                        )  # fmt: skip
+                        if dry_m and sm == 0:
+                            go = _direction(far_m, far_gm, P, FM_PLUS)
+                            if go != 0:
+                                part = _release(net_m, far_m, level_m, far_gm, P, FM_PLUS, go)
+                                if pending == 0 or part < share:
+                                    pending, share = 3 if go > 0 else 5, part
+                        if dry_l and sl == 0:
+                            go = _direction(far_l, far_gl, P, FL_PLUS)
+                            if go != 0:
+                                part = _release(net_l, far_l, level_l, far_gl, P, FL_PLUS, go)
+                                if pending == 0 or part < share:
+                                    pending, share = 4 if go > 0 else 6, part
+                    if pending == 0:
+                        break
+                    target = s + share * (1.0 - s)
+                    if target - s > 1e-9:
+                        continue
+                    e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+                # the event itself, at fraction target
+                q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
+                if hyst:
+                    _remember(P, S, mem, _windup_of_scalars(q_s, q, P, S))
+                s, target = target, 1.0
+                if pending == 1 or pending == 2:
+                    if pending == 1:
+                        v_s = 0.0
+                    else:
+                        v = 0.0
+                    stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
+                    _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = _scalar_rates(
+                        q_s, v_s, q, v, r, u, t0 + (k + s) * h, _at(um, k, s), _at(ul, k, s), _at(y, k, s), held, p, turn,
+                        f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, mode,
+                    )  # fmt: skip
+                    if pending == 1:
+                        sm = _direction(far_m, far_gm, P, FM_PLUS)
+                    else:
+                        sl = _direction(far_l, far_gl, P, FL_PLUS)
+                elif pending == 3 or pending == 5:
+                    sm = 1 if pending == 3 else -1
                 else:
-                    sl = _direction(far_l, far_gl, P, FL_PLUS)
-            elif pending == 3 or pending == 5:
-                sm = 1 if pending == 3 else -1
-            else:
-                sl = 1 if pending == 4 else -1
-            pending = 0
-            e_qs, e_vs, e_q, e_v = q_s, v_s, q, v
-            if s > 1.0 - 1e-9:
-                break
-        q_s, v_s, q, v = e_qs, e_vs, e_q, e_v
-    j = 2 * n
-    _1, _2, _3, _4, acc_s, acc, T, _5, _6, _7, _8 = _plain_rates(
-        q_s, v_s, q, v, t0 + n * h, um[j], ul[j], y[j], held, p, turn, f, dry_m, dry_l, sm, sl
-    )
-    row = out[n]
-    row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
-    row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = 0.0, T, um[j], 0.0
+                    sl = 1 if pending == 4 else -1
+                pending = 0
+                e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+                if s > 1.0 - 1e-9:
+                    break
+            q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
+            if hyst:
+                _remember(P, S, mem, _windup_of_scalars(q_s, q, P, S))
+        j = 2 * n
+        _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = _scalar_rates(
+            q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
+            mode,
+        )  # fmt: skip
+        row = out[n]
+        row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
+        row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = link, T, tau, 0.0
+
+    return _compiled(integrate)
+
+
+_simulate_plain = _scalar_simulator(False)
+_simulate_rich = _scalar_simulator(True)
 
 
 def simulate(
@@ -764,14 +838,13 @@ def simulate(
         h: Step [s].
         out: Result; columns X_QS ... X_TEXT.
     """
-    plain = (
-        S[N_X] == 4
-        and S[N_TE] == S[N_RIPPLE] == S[HYST_KIND] == S[LOAD_PRESCRIBED] == 0
-        and S[MOTOR] != MOTOR_PRESCRIBED
-        and P[REID] == 0.0
-    )
-    if plain:
-        held, dry_m, dry_l = S[MOTOR] == MOTOR_HELD, S[FRICTION_M] != 0, S[FRICTION_L] != 0
-        _simulate_plain(x, P, bool(held), bool(dry_m), bool(dry_l), um, ul, y, t0, h, out)
-    else:
+    modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
+    scalar = S[N_X] == 4 + 2 * modes and modes <= 1 and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
+    if not scalar:
         _simulate_full(x, P, S, um, ul, y, w, t0, h, out)
+        return
+    held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
+    rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0
+    mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
+    run = _simulate_rich if rich else _simulate_plain
+    run(x, P, S, held, dry_m, dry_l, mode, um, ul, y, t0, h, out)

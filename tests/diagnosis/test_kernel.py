@@ -123,17 +123,43 @@ def test_agrees_with_lsoda(numbers, law):
         assert np.abs(out[:, column] - reference[row]).max() < 2e-5 * np.ptp(reference[row])
 
 
-def test_four_scalars_and_the_full_kernel_are_one_model():
-    """The fast path and the path with every law give the same motion for a law that both hold."""
-    P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, GAP_HALF=2e-5, FM_PLUS=2.0, FM_MINUS=2.5, FL_PLUS=1.0, FL_MINUS=1.0,
-                  FL_EXCESS=0.5, FRICTION_M=1, FRICTION_L=1, G_COS=10.0, OBS_1=30.0, OBS_2=355.0, OBS_QS=1.0)  # fmt: skip
-    motor = lambda t: 30.0 * np.sin(2 * np.pi * 11.0 * t)  # noqa: E731
-    angle = lambda t: 1e-3 * np.sin(7 * t)  # noqa: E731
-    _, fast = run(P, S, um=motor, y=angle)
-    P[k.REID], P[k.REID_OMEGA] = 1e-300, 1.0  # an empty law that only the full path holds
-    _, full = run(P, S, um=motor, y=angle)
-    for column in (k.X_QS, k.X_Q, k.X_A, k.X_TS):
-        assert np.abs(fast[:, column] - full[:, column]).max() < 1e-6 * np.abs(full[:, column]).max()
+DRY = dict(FM_PLUS=2.0, FM_MINUS=2.5, FL_PLUS=1.0, FL_MINUS=1.0, FL_EXCESS=0.5, FRICTION_M=1, FRICTION_L=1)
+MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0.3, NEAR_OMEGA=300.0, BASE_SHARE=0.2,
+            BASE_OMEGA=140.0, BASE_ZETA=0.02)  # fmt: skip
+
+
+@pytest.mark.parametrize("motor", [k.MOTOR_FREE, k.MOTOR_HELD])
+@pytest.mark.parametrize(
+    ("numbers", "switch"),
+    [
+        (dict(GAP_HALF=2e-5, **DRY), None),
+        (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.BOUC_WEN, **DRY), None),
+        (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.MAXWELL_SLIP), None),
+        (dict(N_TE=1, N_RIPPLE=1, REID=0.05, REID_OMEGA=250.0), None),
+        (MODE | DRY, k.AT_LINK),
+        (MODE, k.AT_NEAR),
+        (MODE | DRY, k.AT_BASE),
+    ],
+)
+def test_the_scalar_kernels_and_the_full_one_are_one_model(numbers, switch, motor):
+    """The fast paths give the motion of the path that holds every law, for all laws that they share."""
+    P, S = packed(MOTOR=motor, C=40.0, G_COS=10.0, OBS_1=30.0, OBS_2=355.0, OBS_QS=1.0, **numbers)
+    P[k.TE_0 : k.TE_0 + 4] = (3e-5, 141.0, 0.0, 0.3)
+    P[k.RIPPLE_0 : k.RIPPLE_0 + 4] = (2.0, 0.02, 141.0, 0.3)
+    if switch is not None:
+        modes(S, switch)
+    n, rate = 2048, 4096.0
+    t = np.arange(2 * n + 1) / (2 * rate)
+    um, ul = 30.0 * np.sin(2 * np.pi * 11.0 * t), 200.0 * np.exp(-(((t - 0.05) / 0.006) ** 2))
+    y, w = 1e-3 * np.sin(7 * t), np.zeros(t.size)
+    results = []
+    for integrate in (k.simulate, k._simulate_full):
+        out = np.zeros((n + 1, k.N_OUT))
+        integrate(np.zeros(int(S[k.N_X])), P, S, um, ul, y, w, 0.0, 1 / rate, out)
+        results.append(out)
+    fast, full = results
+    for column in (k.X_QS, k.X_Q, k.X_AS, k.X_A, k.X_LINK, k.X_TS, k.X_TAU):
+        assert np.abs(fast[:, column] - full[:, column]).max() <= 1e-6 * np.abs(full[:, column]).max()
 
 
 def test_coulomb_friction_takes_a_constant_amplitude_per_second():
