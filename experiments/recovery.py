@@ -128,7 +128,17 @@ def run_chunk(case: Case, seeds: Sequence[int], path: Path) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Records:
+class Records:
+    """One campaign's records for the other methods, the truth and the bound.
+
+    Attributes:
+        torque: Shape (n_hits, n) [N m].
+        acceleration: Angular, shape (n_hits, n) [rad/s^2].
+        rate: [Hz].
+        truth: K, J_L, c.
+        bound: Their Cramer-Rao bounds, standard deviations; NaN where not computed.
+    """
+
     torque: Real
     acceleration: Real
     rate: float
@@ -144,7 +154,7 @@ def _one(case: Case, seed: int) -> Real:
     from jointscope.identification.identify import identify
 
     rng = np.random.default_rng([seed, case.index])
-    campaign, records = _mujoco_campaign(case, rng) if case.mujoco else _closed_form_campaign(case, rng)
+    campaign, records = _mujoco_campaign(case, rng) if case.mujoco else closed_form_campaign(case, rng)
     found = identify(campaign, HammerPlan(band=BAND, levels=False))
     own = [found.parameters[name] for name in PARAMETERS]
     near = float(found.modes[0].frequency.value)
@@ -158,7 +168,8 @@ def _one(case: Case, seed: int) -> Real:
     return np.array([seed, *records.truth, *records.bound, *(e.value for e in own), *others[0], *others[1], *ends])
 
 
-def _closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, _Records]:
+def closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, Records]:
+    """A campaign of ``case`` with closed-form truth."""
     from jointscope.experiments.recovery_bound import fisher_matrix
     from jointscope.experiments.recovery_truth import Bench, draw_pulses, record
     from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
@@ -187,7 +198,7 @@ def _closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaig
     campaign = Campaign(
         path=Path("recovery"), rig=Nameplate(topology="two-inertia", motion="rotational"), runs=tuple(runs)
     )
-    return campaign, _Records(
+    return campaign, Records(
         torque=np.array(forces),
         acceleration=np.array(accelerations),
         rate=bench.rate,
@@ -196,7 +207,7 @@ def _closed_form_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaig
     )
 
 
-def _mujoco_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, _Records]:
+def _mujoco_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, Records]:
     from jointscope.models.paper import paper_rig
     from jointscope.sim.chain import noiseless
     from jointscope.sim.measurement_noise import HitNoise, with_noise
@@ -218,7 +229,7 @@ def _mujoco_campaign(case: Case, rng: np.random.Generator) -> tuple[Campaign, _R
         quantity: np.array([run.select(quantity)[0].samples for run in campaign.runs])
         for quantity in ("force", "linear-acceleration")
     }
-    return campaign, _Records(
+    return campaign, Records(
         torque=rows["force"] * rig.hammer_radius,
         acceleration=rows["linear-acceleration"] / rig.accelerometer_radius,
         rate=first.sampling_rate,

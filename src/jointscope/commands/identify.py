@@ -42,6 +42,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Identify and write; the exit code is 0, or 1 where every parameter and mode was refused."""
     import json
+    import os
+
+    os.environ.setdefault(
+        "OPENBLAS_NUM_THREADS", "1"
+    )  # matrices of a few columns: threads only get in each other's way
 
     from jointscope.atomic import write_text
     from jointscope.errors import InputError
@@ -75,7 +80,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _quality(campaign: Campaign) -> Sequence[Mapping[str, Any]]:
     """What `inspect` finds in the recordings."""
-    return []
+    from dataclasses import asdict
+
+    from jointscope.identification.quality import findings
+
+    return [{key: value for key, value in asdict(row).items() if value is not None} for row in findings(campaign)]
 
 
 def _report(found: Identification, campaign: Campaign, quality: Sequence[Mapping[str, Any]], folder: Path) -> None:
