@@ -61,6 +61,8 @@ def _identified(campaign: Campaign, plan: HammerPlan) -> Identification:
     held = [run for run in hammer if run.brake or campaign.rig.topology == "single-dof" or _locked(run)]
     rejected: list[Rejected] = []
     hits: list[Hit] = []
+    if campaign.rig.topology == "arm":
+        held, rejected = _in_one_place(held)
     for run in held:
         answer = read_hit(run, campaign.rig)
         if isinstance(answer, Rejected):
@@ -97,6 +99,27 @@ def refusal(reason: str, rejected: Sequence[Rejected] = ()) -> Identification:
 
 def _locked(run: Run) -> bool:
     return any(state in ("brake", "locked") for state in run.hold.values())
+
+
+def _in_one_place(runs: Sequence[Run]) -> tuple[list[Run], list[Rejected]]:
+    """An arm's hits on the first joint's link in the first posture; another place or posture has other modes."""
+
+    def place(run: Run) -> tuple[object, ...]:
+        force = run.select("force", role="input")
+        where = (force[0].channel.body, force[0].channel.point, force[0].channel.axis) if force else ()
+        return (run.joint, tuple(sorted(run.posture.items())), run.payload_mass, run.payload_com, where)
+
+    kept = [run for run in runs if place(run) == place(runs[0])]
+    apart = [
+        Rejected(
+            run=run.id,
+            finding="unlike",
+            detail="another posture or point than the first hit's; jointscope arm identify takes them all together",
+        )
+        for run in runs
+        if place(run) != place(runs[0])
+    ]
+    return kept, apart
 
 
 def _alike(hits: Sequence[Hit], rejected: list[Rejected]) -> list[Hit]:
