@@ -5,18 +5,21 @@ from __future__ import annotations
 from jointscope.sim.concealed import (
     acquisition,
     arm_side,
+    departures_of_the_test,
     drive_side,
     friction,
     further_modes,
     transmission,
     unlisted_development,
+    unlisted_of_the_test,
 )
 from jointscope.sim.concealed.law import Draw, Law
 
 LISTED: tuple[Law, ...] = (
     *friction.LAWS, *transmission.LAWS, *drive_side.LAWS, *arm_side.LAWS, *further_modes.LAWS, *acquisition.LAWS,
+    *departures_of_the_test.LAWS,
 )  # fmt: skip
-UNLISTED: tuple[Law, ...] = unlisted_development.LAWS
+UNLISTED: tuple[Law, ...] = (*unlisted_development.LAWS, *unlisted_of_the_test.LAWS)
 
 LOOK_ALIKES: tuple[frozenset[str], ...] = tuple(
     frozenset(group.split())

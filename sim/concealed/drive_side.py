@@ -87,6 +87,7 @@ def _ripple() -> list[Law]:
             strength="amplitude", span=span, shape=shape,
             units={"amplitude": "N m", "order": "per motor turn", "phase": "rad"},
             seen_in=frozenset({"speed-motion"}), travels=True, install=install, loop=loop,
+            draws=OPEN_DRAWS if departs else EVERY_DRAW,
         )  # fmt: skip
 
     return [

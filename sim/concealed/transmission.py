@@ -338,7 +338,7 @@ def _error() -> list[Law]:
             effect="transmission-error", location="transmission", law=name, departs=departs, main="amplitude",
             strength="amplitude", span=lambda setting: (1e-7, 3e-4), shape=shape,
             units={"amplitude": "rad", "order": "per turn", "phase": "rad"}, seen_in=frozenset({"speed-motion"}),
-            travels=True, loop=loop,
+            travels=True, loop=loop, draws=OPEN_DRAWS if departs else EVERY_DRAW,
         )  # fmt: skip
 
     return [law("one-line", False, one), law("nine-harmonics", True, nine)]

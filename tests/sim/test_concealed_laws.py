@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def ringdown(windup: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     crossings = np.flatnonzero(np.diff(np.sign(x)) != 0)
     crossings = crossings[crossings * h > 0.01]
     at = (crossings - x[crossings] / (x[crossings + 1] - x[crossings])) * h
-    peaks = np.array([np.max(np.abs(x[a : b + 1])) for a, b in zip(crossings[:-1], crossings[1:], strict=True)])
+    peaks = np.array([np.max(np.abs(x[a : b + 1])) for a, b in pairwise(crossings)])
     return 0.5 * (at[1:] + at[:-1]), peaks, 0.5 / np.diff(at)
 
 
@@ -182,7 +183,9 @@ def test_the_ladder_of_structural_damping_has_the_loss_that_it_states(slope):
     ladder = transmission.maxwell_ladder(0.05, K, slope, 40.0)
     f = np.geomspace(2.0, 300.0, 60)
     s = 2j * np.pi * f
-    modulus = sum(ladder[1 + 2 * i] * s * ladder[2 + 2 * i] / (1.0 + s * ladder[2 + 2 * i]) for i in range(int(ladder[0])))
+    modulus = sum(
+        ladder[1 + 2 * i] * s * ladder[2 + 2 * i] / (1.0 + s * ladder[2 + 2 * i]) for i in range(int(ladder[0]))
+    )
     assert np.allclose(modulus.imag / K, 0.05 * (f / 40.0) ** slope, rtol=0.06)
 
 
@@ -222,7 +225,7 @@ def test_a_further_mode_appears_near_its_frequency(law):
     stiffness = np.diag([float(model.jnt_stiffness[i]) for i in range(model.njnt)])
     found = np.sort(np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiffness))))) / (2 * np.pi)
     stated = effect.values["frequency"]
-    assert found.size == 2
+    assert found.size >= 2
     assert np.min(np.abs(found / stated - 1.0)) < 0.25
     assert np.min(np.abs(found * 2 * np.pi / W0 - 1.0)) < 0.15
 
@@ -233,12 +236,12 @@ EVERY = [law for law in catalogue.LISTED + catalogue.UNLISTED if law.chain is No
 @pytest.mark.parametrize("law", EVERY, ids=lambda law: f"{law.effect}@{law.location}-{law.law}")
 def test_every_law_fades_with_its_strength(law):
     """The weakest form of a law does less than its strongest, and neither diverges."""
-    driven = "hammer" not in law.seen_in or law.location == "motor" and not law.keeps_motor or law.travels
+    driven = "hammer" not in law.seen_in or (law.location == "motor" and not law.keeps_motor) or law.travels
     n = 4000
     t = np.arange(n) * engine.TIMESTEP
     drive = Drive(2, 1.2 * np.sin(np.pi * t / 0.4) ** 2, (5.0, 100.0), 10.0) if driven else None
     push = np.zeros(n) if driven else knock(8e-4, seconds=0.4)
-    setting = SETTING if driven else replace(SETTING, kinds=frozenset({"hammer"}))
+    setting = SETTING if driven else replace(SETTING, kinds=frozenset({"hammer"}), speed=0.2, travel=1e-3)
 
     def far(share: float) -> float:
         low, high = law.span(setting)
