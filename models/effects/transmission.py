@@ -12,7 +12,7 @@ from jointscope.models.effects.building import Building, Parameters
 
 SLIP_LEVELS = (0.4, 0.8, 1.2, 1.6)  # yield angles of four equal elements over the loop's own angle; they sum to 4
 BRANCHES = 5
-SPACING = 4.0  # of the branches' relaxation times: the loss factor is flat within 3 % over two decades
+SPACING = 4.0  # of the branches' relaxation times: within 7 % from a fifth to five times the resonance
 TURNING = 0.05  # of the speed amplitude at resonance, over which the rate-independent damping turns round
 
 

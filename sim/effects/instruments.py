@@ -162,7 +162,9 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
         q, v = trace.signals["arm angle"], trace.signals["arm speed"]
         cos, sin = math.cos(law["angle"]), math.sin(law["angle"])
         if channel.direction == "radial":
-            return np.asarray(cos * values - sin * (radius * trace.signals["arm acceleration"] + gravity * np.cos(q)))
+            return np.asarray(
+                cos * values - sin * (radius * trace.signals["arm acceleration"] + gravity * np.cos(q))
+            )
         return np.asarray(cos * values + sin * (gravity * np.sin(q) - radius * v**2))
     return values
 

@@ -149,7 +149,8 @@ class _JointLaw:
                 angle = per_motor * (q_s + self.frame.motor_zero) + phase
                 force[self.motor] += share * self.gear * self.command.torque * math.sin(angle)
         on_arm = -sum(moment * math.cos(q_s + x + phase) for moment, phase in self.pulls)
-        on_arm += sum(a * math.sin(w * (t + self.frame.origin) + phase) for a, w, phase in self.shakes)
+        if t > 0.0:  # the rig is put to rest without it
+            on_arm += sum(a * math.sin(w * (t + self.frame.origin) + phase) for a, w, phase in self.shakes)
         if on_arm:
             force[self.reducer] += on_arm
             for coordinate in (self.motor, self.base):
