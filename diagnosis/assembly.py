@@ -90,7 +90,7 @@ class Assembly:
         S: The kernel's switches, shape (kernel.N_S,).
         run: The run that is simulated.
         theta: Base parameters, in the order of ``BASE_NAMES``.
-        translational: Whether weight is a constant force.
+        problem: The campaign that the run belongs to.
         chain: The acquisition.
     """
 
@@ -98,7 +98,7 @@ class Assembly:
     S: NDArray[np.int64]
     run: PreparedRun
     theta: Vector
-    translational: bool = False
+    problem: Problem
     chain: Chain = field(default_factory=Chain)
 
     def base(self, name: str) -> float:
@@ -109,6 +109,11 @@ class Assembly:
     def ratio(self) -> float:
         """n."""
         return self.run.ratio
+
+    @property
+    def translational(self) -> bool:
+        """Whether weight is a constant force rather than a torque that turns with the arm."""
+        return self.problem.rig.motion == "translational"
 
     @property
     def drive_factor(self) -> float:
@@ -155,7 +160,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
         S[kernel.MOTOR] = kernel.MOTOR_PRESCRIBED
     elif run.mode == "prescribed-load":
         S[kernel.LOAD_PRESCRIBED] = 1
-    assembly = Assembly(P, S, run, theta, problem.rig.motion == "translational")
+    assembly = Assembly(P, S, run, theta, problem)
     if not run.spring:
         P[kernel.K] = P[kernel.C] = 0.0
     observed = run.observed
@@ -195,7 +200,9 @@ def initial_state(assembly: Assembly, first_torque: float) -> Vector:
     x = np.zeros(int(S[kernel.N_X]))
     q0 = run.initial_angle
     weight = P[kernel.G_COS] * math.cos(q0) - P[kernel.G_SIN] * math.sin(q0) + P[kernel.G_CONST]
-    twist = float(kernel.windup(P, weight)) if run.spring else 0.0
+    if S[kernel.TABLE_SITE] == kernel.AT_LOAD:
+        weight -= kernel.tabled(P, q0 if S[kernel.TABLE_OF] == kernel.OF_ANGLE else 0.0)
+    twist = _twist(P, S, weight) if run.spring else 0.0
     error = 0.0
     for i in range(int(S[kernel.N_TE])):
         amplitude, per_motor, per_load, phase = P[kernel.TE_0 + 4 * i : kernel.TE_0 + 4 * i + 4]
@@ -208,3 +215,14 @@ def initial_state(assembly: Assembly, first_torque: float) -> Vector:
         held = first_torque if run.motor_torque is not None else weight
         x[S[kernel.AT_LOOP]] = held / P[kernel.LOOP_I]
     return x
+
+
+def _twist(P: Vector, S: NDArray[np.int64], weight: float) -> float:
+    """Static wind-up under ``weight`` [N m], a tabled law of the transmission included [rad]."""
+    twist = float(kernel.windup(P, weight))
+    if S[kernel.TABLE_SITE] != kernel.AT_TRANSMISSION:
+        return twist
+    for _ in range(30):  # contracts while the table is softer than the spring
+        extra = kernel.tabled(P, twist if S[kernel.TABLE_OF] == kernel.OF_WIND_UP else 0.0)
+        twist = float(kernel.windup(P, weight - extra))
+    return twist

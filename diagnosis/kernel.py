@@ -49,14 +49,19 @@ MOTOR_ZERO = 60  # recorded motor angle / n minus the model's q_s [rad]: phase r
 TE_0 = 61  # three lines of (amplitude, per q_s, per q, phase)
 RIPPLE_0 = 73  # three lines of (amplitude, share of tau, per q_s, phase)
 BRANCH_0 = 85  # five branches of (stiffness, relaxation time)
-N_P = 95
+TABLE_LOW, TABLE_STEP, TABLE_0 = 95, 96, 97  # a law as torque [N m] at nodes of a variable
+N_NODES = 9
+N_P = 106
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
 MOTOR, HYST_KIND, N_TE, N_RIPPLE, FRICTION_M, FRICTION_L, LOAD_PRESCRIBED = 7, 8, 9, 10, 11, 12, 13
-N_S = 14
+TABLE_SITE, TABLE_OF = 14, 15
+N_S = 16
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
 DAHL, BOUC_WEN, MAXWELL_SLIP = 1, 2, 3
+AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
+OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE = 0, 1, 2, 3  # TABLE_OF
 
 # --- columns of the result ----------------------------------------------------------------------------------------
 X_QS, X_VS, X_AS, X_Q, X_V, X_A, X_LINK, X_TS, X_TAU, X_TEXT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
@@ -140,6 +145,19 @@ def _friction(plus: float, minus: float, excess: float, speed: float, exponent: 
     return level
 
 
+@_compiled
+def tabled(P: Real, variable: float) -> float:
+    """The table's torque [N m] at ``variable``: straight between nodes, constant outside them."""
+    at = (variable - P[TABLE_LOW]) / P[TABLE_STEP]
+    if at <= 0.0:
+        return float(P[TABLE_0])
+    if at >= N_NODES - 1.0:
+        return float(P[TABLE_0 + N_NODES - 1])
+    node = int(at)
+    part = at - node
+    return float((1.0 - part) * P[TABLE_0 + node] + part * P[TABLE_0 + node + 1])
+
+
 def _rates_source(
     x: Real,
     dx: Real,
@@ -195,6 +213,9 @@ def _rates_source(
         T += P[b] * x[j]
         dx[j] = rate - x[j] / P[b + 1]
 
+    if S[TABLE_SITE] == AT_TRANSMISSION:
+        T += tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)
+
     innovation = 0.0
     if P[OBS_2] != 0.0:
         innovation = y - P[OBS_QS] * q_s - P[OBS_VS] * v_s - P[OBS_Q] * q - P[OBS_V] * v
@@ -214,6 +235,8 @@ def _rates_source(
         b = RIPPLE_0 + 4 * i
         tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
     force_m = tau - T - P[B_M] * v_s
+    if S[TABLE_SITE] == AT_MOTOR:
+        force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     level_m = P[FM_LOAD] * abs(T)
     a_s = 0.0
     if motor == MOTOR_HELD:
@@ -250,6 +273,8 @@ def _rates_source(
 
     # load side
     force_l = T + ul - P[B_L] * v - P[G_CONST]
+    if S[TABLE_SITE] == AT_LOAD:
+        force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
         d = q + beta - mem[5]
         if abs(d) > _TURN:
@@ -565,6 +590,8 @@ def _scalar_rates_source(
             T += P[HYST_TORQUE] * 0.25 * total
         elif kind != 0:
             T += P[HYST_TORQUE] * _loop(mem[1], delta - mem[0], P[HYST_ANGLE], kind)
+        if S[TABLE_SITE] == AT_TRANSMISSION:
+            T += tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)
     innovation = 0.0
     if o_2 != 0.0:
         innovation = y - o_qs * q_s - o_vs * v_s - o_q * q - o_v * v
@@ -576,6 +603,8 @@ def _scalar_rates_source(
             b = RIPPLE_0 + 4 * i
             tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
     net_m = tau - T - b_m * v_s
+    if rich and S[TABLE_SITE] == AT_MOTOR:
+        net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -607,6 +636,8 @@ def _scalar_rates_source(
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
     net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - drag * v * abs(v)
+    if rich and S[TABLE_SITE] == AT_LOAD:
+        net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:
@@ -844,7 +875,7 @@ def simulate(
         _simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
-    rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0
+    rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
     run = _simulate_rich if rich else _simulate_plain
     run(x, P, S, held, dry_m, dry_l, mode, um, ul, y, t0, h, out)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def unit_scales() -> Scales:
-    return Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 1.0)
+    return Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, -1.0, 1.0, 1.0)
 
 
 def typical_sizes(problem: Problem) -> Scales:
@@ -28,6 +28,7 @@ def typical_sizes(problem: Problem) -> Scales:
         ("torque", "wind_up", "rate", "speed", "motor_speed", "travel", "motor", "load", "acc", "time"), 1e-12
     )
     low, high = math.inf, -math.inf
+    soft, hard = math.inf, -math.inf
     for run in problem.runs:
         states = integrate(build(run, base, (), problem))
         if not np.all(np.isfinite(states)):
@@ -49,6 +50,8 @@ def typical_sizes(problem: Problem) -> Scales:
         }
         peak = {name: max(peak[name], float(value)) for name, value in found.items()}
         low, high = min(low, float(q.min())), max(high, float(q.max()))
+        if run.spring:
+            soft, hard = min(soft, float(delta.min())), max(hard, float(delta.max()))
     frequency = math.sqrt(base[BASE_INDEX["stiffness"]] / base[BASE_INDEX["load_inertia"]]) / (2.0 * math.pi)
     return Scales(
         torque=peak["torque"],
@@ -63,5 +66,7 @@ def typical_sizes(problem: Problem) -> Scales:
         frequency=frequency,
         angle_low=low if math.isfinite(low) else 0.0,
         angle_high=high if math.isfinite(high) else 0.0,
+        wind_up_low=soft if math.isfinite(soft) else 0.0,
+        wind_up_high=hard if math.isfinite(hard) else 0.0,
         duration=peak["time"],
     )

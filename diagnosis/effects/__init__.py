@@ -19,6 +19,7 @@ from jointscope.diagnosis.effects import (
     transmission,
     vibration,
 )
+from jointscope.diagnosis.effects.latent import LATENT
 from jointscope.diagnosis.effects.load import PAYLOAD
 from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, ParameterSpec
 from jointscope.diagnosis.effects.transmission import DRIFT_PER_RUN
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DRIFT_PER_RUN",
+    "LATENT",
     "PAYLOAD",
     "REGISTRY",
     "ActiveEffect",

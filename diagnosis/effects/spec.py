@@ -102,7 +102,7 @@ class EffectSpec:
 
     def is_null(self, values: Values) -> bool:
         """Whether these values switch the effect off exactly."""
-        return values[self.amplitude] == self.parameters[self.amplitude].null
+        return all(v == p.null for v, p in zip(values, self.parameters, strict=True) if p.null is not None)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from jointscope.diagnosis.acquisition import lagged, relogged
 from jointscope.diagnosis.channels import mount_resonance, recorded
 from jointscope.diagnosis.effects import (
     DRIFT_PER_RUN,
+    LATENT,
     PAYLOAD,
     REGISTRY,
     ActiveEffect,
@@ -322,3 +323,28 @@ def test_every_pair_of_mechanical_effects_runs_together(problem, truth):
         y = predict_outputs(run, truth, combined, problem)
         assert all(np.isfinite(a).all() for a in y)
         assert not np.array_equal(y[0], base[0])
+
+
+def test_a_latent_law_of_wind_up_is_a_spring_where_it_is_straight(problem, truth):
+    """Nodes on a line through zero add that line's slope to K; all nodes zero are the base exactly."""
+    from jointscope.diagnosis.effects.latent import node_range
+
+    spec = next(s for s in LATENT if s.variant == "wind-up")
+    low, high = node_range(problem, "transmission", "wind-up")
+    extra = 5e3
+    base = outputs(problem, truth)
+    for a, b in zip(base, outputs(problem, truth, ActiveEffect(spec, (0.0,) * 9)), strict=True):
+        assert np.array_equal(a, b)
+    line = ActiveEffect(spec, tuple(float(v) for v in extra * np.linspace(low, high, 9)))
+    stiffer = truth.copy()
+    stiffer[0] += extra
+    hit = problem.runs[0]
+    (y,), (z,) = predict_outputs(hit, truth, (line,), problem), predict_outputs(hit, stiffer, (), problem)
+    assert np.std(y - z) < 0.02 * np.std(z - base[0])
+
+
+@pytest.mark.parametrize("spec", LATENT, ids=lambda s: f"{s.location}/{s.variant}")
+def test_latent_laws_run(spec, problem, truth):
+    size = spec.scale(problem)[2]
+    values = tuple(size * math.sin(i) for i in range(9))
+    assert all(np.isfinite(y).all() for y in outputs(problem, truth, ActiveEffect(spec, values)))
