@@ -7,14 +7,18 @@ Nothing is corrected.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from jointscope.identification.quality_clocks import clock_findings
 from jointscope.identification.quality_coherence import coherence_findings
 from jointscope.identification.quality_factors import factor_findings
 from jointscope.identification.quality_gravity import gravity_findings, static_relations
-from jointscope.identification.quality_relations import run_relations
+from jointscope.identification.quality_relations import Relation, run_relations
 from jointscope.recordings.campaign import Campaign, Run
 from jointscope.recordings.finding import Finding
 from jointscope.recordings.quality import recorded_findings
+from jointscope.recordings.quality_units import arm_angle_findings
 
 
 def findings(campaign: Campaign) -> list[Finding]:
@@ -31,12 +35,21 @@ def findings(campaign: Campaign) -> list[Finding]:
 
 
 def _of_run(run: Run, campaign: Campaign, known: list[Finding]) -> list[Finding]:
+    if any(arm_angle_findings(run)):
+        run = replace(run, arm_angle=math.radians(run.arm_angle))
     unusable = {f.channel for f in known if f.run == run.id and f.finding == "dead-channel"}
-    relations = [*run_relations(run, campaign.rig), *static_relations(run, campaign.rig)]
-    relations = [r for r in relations if not any(p.signal.channel.column in unusable for p in r.parties)]
-    mistakes = factor_findings(run, relations, campaign.rig)
+
+    def relations(run: Run) -> list[Relation]:
+        made = [*run_relations(run, campaign.rig), *static_relations(run, campaign.rig)]
+        return [r for r in made if not any(p.signal.channel.column in unusable for p in r.parties)]
+
+    mistakes, mended = factor_findings(run, campaign.rig, relations)
     named = {finding.channel for finding in mistakes}
-    return [*mistakes, *gravity_findings(run, campaign.rig, named), *clock_findings(run, campaign.rig, named)]
+    return [
+        *mistakes,
+        *gravity_findings(mended, campaign.rig, named),
+        *clock_findings(mended, campaign.rig, unusable),
+    ]
 
 
 def _without_repeats(found: list[Finding], campaign: Campaign) -> list[Finding]:

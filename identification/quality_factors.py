@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
-from jointscope.identification.quality_relations import Party, Relation
+import numpy as np
+
+from jointscope.identification.quality_relations import Relation
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
 from jointscope.recordings.finding import Finding
 from jointscope.recordings.toml_text import channel_line
-from jointscope.recordings.units import POUND_FORCE, POUND_FORCE_FOOT, si_factor, units_for
+from jointscope.recordings.units import POUND_FORCE, si_factor, units_for
 
 _DEGREE, _RPM, _TURN = math.pi / 180.0, 2.0 * math.pi / 60.0, 2.0 * math.pi
 GENERAL: Final = {
@@ -29,9 +31,11 @@ _NATURAL: Final[dict[str, tuple[float, ...]]] = {
     "linear-acceleration": (STANDARD_GRAVITY, 1.0 / STANDARD_GRAVITY),
     "acceleration": (STANDARD_GRAVITY, 1.0 / STANDARD_GRAVITY),
     "force": (POUND_FORCE, STANDARD_GRAVITY),
-    "torque": (POUND_FORCE_FOOT, STANDARD_GRAVITY),
+    "torque": (STANDARD_GRAVITY,),
     "current": (math.sqrt(2.0), 1.5),
 }
+Build = Callable[[Run], list[Relation]]
+_TRIED = 8  # likeliest corrections that are worked through in full
 _OFF_THE_LIST = 15.0  # a scale wrong by more than this is reported though no factor of the list explains it
 
 
@@ -45,22 +49,40 @@ class Correction:
     name: str
 
 
-def factor_findings(run: Run, relations: Sequence[Relation], rig: Nameplate) -> list[Finding]:
-    """``inverted-polarity`` and ``suspicious-unit`` of one run, one mistake after the other until none is left."""
+def factor_findings(run: Run, rig: Nameplate, build: Build) -> tuple[list[Finding], Run]:
+    """``inverted-polarity`` and ``suspicious-unit`` of one run, one mistake after the other until none is left.
+
+    Args:
+        build: Makes the relations of a run. They are made anew after each correction: gravity's share depends on the
+            angles.
+
+    Returns:
+        The findings, and the run as it would be with every one of them mended, for what is checked after this.
+    """
     found: list[Finding] = []
-    current = list(relations)
     for _ in range(4):
-        failing = [relation for relation in current if relation.hard and not relation.holds()]
-        if not failing:
-            break
-        chosen = _best(current, failing, rig)
+        relations = build(run)
+        failing = [relation for relation in relations if relation.hard and not relation.holds()]
+        chosen = _best(run, relations, failing, rig, build) if failing else None
         if chosen is None:
-            found += _off_the_list(run, failing)
-            break
-        why = [relation for relation in failing if relation.holds(_corrected(relation, chosen))]
-        found += [_finding(run, signal, chosen, why[0], rig) for signal in chosen.signals]
-        current = [Relation(r.parties, _corrected(r, chosen), r.low, r.high, r.says, r.hard) for r in current]
-    return found
+            share = _off_the_list(run, failing, relations)
+            return found + ([] if share is None else [share]), run
+        why = next(relation for relation in failing if relation.holds(_corrected(relation, chosen)))
+        found += [_finding(run, signal, chosen, why, rig) for signal in chosen.signals]
+        run = _mended(run, chosen)
+    return found, run
+
+
+def _mended(run: Run, correction: Correction) -> Run:
+    columns = {signal.channel.column for signal in correction.signals}
+
+    def channel(c: Channel) -> Channel:
+        if c.column not in columns or c.samples is None:
+            return c
+        return replace(c, samples=np.asarray(c.samples * correction.factor, dtype=c.samples.dtype))
+
+    streams = tuple(replace(stream, channels=tuple(map(channel, stream.channels))) for stream in run.streams)
+    return replace(run, streams=streams)
 
 
 def _corrected(relation: Relation, correction: Correction) -> float:
@@ -77,15 +99,23 @@ def _badness(relations: Sequence[Relation], correction: Correction | None = None
     return sum((1.0 if r.hard else 0.5) for r, gain in zip(relations, gains, strict=True) if not r.holds(gain))
 
 
-def _best(relations: Sequence[Relation], failing: Sequence[Relation], rig: Nameplate) -> Correction | None:
+def _best(
+    run: Run, relations: Sequence[Relation], failing: Sequence[Relation], rig: Nameplate, build: Build
+) -> Correction | None:
     """The correction that leaves the fewest contradictions; of several, the most plausible."""
-    before, ranked = _badness(relations), []
+    before, likely = _badness(relations), []
     for correction in _candidates(failing, relations, rig):
         after = _badness(relations, correction)
-        mends = any(r.holds(_corrected(r, correction)) for r in failing)
-        if mends and after <= before - 0.5:
-            ranked.append((after, correction.rank, _distance(relations, correction), correction))
-    return min(ranked, key=lambda entry: entry[:3])[3] if ranked else None
+        if after < before and any(r.holds(_corrected(r, correction)) for r in failing):
+            distance = round(_distance(relations, correction), 1)
+            likely.append((after, correction.rank, distance, _seat(correction.signals[0]), correction))
+    likely.sort(key=lambda entry: entry[:4])
+    ranked = []
+    for _, rank, distance, seat, correction in likely[:_TRIED]:
+        after = _badness(build(_mended(run, correction)))  # gains are not quite linear where gravity acts
+        if after <= before - 0.5:
+            ranked.append((after, rank, distance, seat, correction))
+    return min(ranked, key=lambda entry: entry[:4])[4] if ranked else None
 
 
 def _distance(relations: Sequence[Relation], correction: Correction) -> float:
@@ -99,14 +129,14 @@ def _candidates(
     accused = _distinct(p.signal for r in failing for p in r.parties)
     for signal in accused:
         for factor, rank, name in _factors(signal.channel, rig):
-            yield Correction((signal,), factor, rank + _seat(signal), name)
+            yield Correction((signal,), factor, rank, name)
     everyone = _distinct(p.signal for r in relations for p in r.parties)
     for location in ("arm", "motor", "load"):
         group = tuple(s for s in everyone if s.channel.location == location and s.channel.role == "output")
         if len(group) > 1:
             for factor, rank, name in _factors(group[0].channel, rig):
                 if rank < 2.0:
-                    yield Correction(group, factor, 3.0 + rank + _seat(group[0]), name)
+                    yield Correction(group, factor, 3.0 + rank, name)
 
 
 def _distinct(signals: Iterator[Signal]) -> list[Signal]:
@@ -215,25 +245,32 @@ def corrected_line(channel: Channel, factor: float, rig: Nameplate) -> str | Non
     )
 
 
-def _off_the_list(run: Run, failing: Sequence[Relation]) -> Iterator[Finding]:
+def _off_the_list(run: Run, failing: Sequence[Relation], relations: Sequence[Relation]) -> Finding | None:
     """A drive's torque or current far off without a listed factor: most likely a share of a rated value."""
     for relation in failing:
-        gain = relation.gain / relation.centre
-        drive = next((p for p in relation.parties if p.exponent == 1 and _is_share(p)), None)
-        if drive is None or not math.isfinite(relation.high) or 1.0 / _OFF_THE_LIST < abs(gain) < _OFF_THE_LIST:
+        drive = next((p.signal for p in relation.parties if p.exponent == 1 and _is_share(p.signal)), None)
+        gain = abs(relation.gain / relation.centre)
+        if drive is None or not math.isfinite(relation.high) or 1.0 / _OFF_THE_LIST < gain < _OFF_THE_LIST:
             continue
-        channel = drive.signal.channel
+        # the torque that holds the arm says it more exactly than the inertia, unless friction holds it too
+        alone = [
+            abs(r.gain)
+            for r in relations
+            if not r.hard and [p.signal.channel for p in r.parties] == [drive.channel]
+        ]
+        gain = next((g for g in alone if abs(math.log(g / gain)) < 0.2), gain)
+        channel = drive.channel
         key, unit = ("rated_torque", "N m") if channel.quantity == "torque" else ("rated_current", "A")
-        rated = 1000.0 / abs(gain) * si_factor(channel)
+        rated = 1000.0 / gain * si_factor(channel)
         detail = (
-            f"off by a factor of {abs(gain):.3g} ({relation.says}), which is no unit of the list: "
-            f"values in permille of a rated {rated:.2g} {unit} (or in percent of {rated / 10.0:.2g} {unit}) would fit; "
+            f"off by a factor of {gain:.4g} ({relation.says}), which is none of the list: "
+            f"values in permille of a rated {rated:.3g} {unit} (or in percent of {rated / 10.0:.3g} {unit}) would fit; "
             f"take {key} from the drive's data sheet"
         )
-        line = channel_line(channel, unit="permille", scale=None, **{key: float(f"{rated:.2g}")})
-        yield Finding("suspicious-unit", run.id, channel.column, detail, line)
-        return
+        scales: dict[str, object] = {"unit": "permille", "scale": None, key: float(f"{rated:.3g}")}
+        return Finding("suspicious-unit", run.id, channel.column, detail, channel_line(channel, **scales))
+    return None
 
 
-def _is_share(party: Party) -> bool:
-    return party.signal.channel.quantity in ("torque", "current") and party.signal.channel.calibrated
+def _is_share(signal: Signal) -> bool:
+    return signal.channel.quantity in ("torque", "current") and signal.channel.calibrated

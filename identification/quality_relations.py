@@ -219,7 +219,7 @@ def _rigid_body(run: Run, rig: Nameplate, band: float) -> Iterator[Relation]:
         low, high = inertia_window(rig)
         known = calibrated and math.isfinite(high)
         middle = math.sqrt(low * high) if known else 1.0
-        window = (0.75 * low / middle, 1.35 * high / middle) if known else (0.0, math.inf)
+        window = (0.8 * low / middle, 1.25 * high / middle) if known else (0.0, math.inf)
         unit = "kg" if rig.motion == "translational" else "kg m^2"
         figure = f", apparent inertia {inertia:.3g} {unit}" + (
             f" where {low:.3g} to {high:.3g} is known" if known else ""
@@ -286,7 +286,7 @@ def _hits(run: Run, rig: Nameplate) -> Iterator[Relation]:
         says = f"{force.channel.column}: a hammer only pushes"
         yield Relation((Party(force, 1),), math.copysign(1.0, pulses[0].height), 0.0, math.inf, says, hard=False)
         for quantity in ("linear-acceleration", "acceleration", "angular-acceleration"):
-            for response in run.select(quantity, role="output"):  # type: ignore[arg-type]
+            for response in run.select(quantity, role="output"):
                 if response.channel.direction == "tangential" and response.device == force.device:
                     yield from _driving_point(
                         force, response, pulses[0].peak, pulses[0].first, pulses[0].last, rig

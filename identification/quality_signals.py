@@ -74,8 +74,10 @@ def differentiated(x: Real, rate: float, times: int) -> Real:
 def energy_frequency(x: Real, rate: float, share: float) -> float:
     """Frequency [Hz] below which ``share`` of the signal's energy lies, straight trend removed."""
     from scipy.signal import detrend
+    from scipy.signal.windows import tukey
 
-    power = np.abs(np.fft.rfft(detrend(x) * np.hanning(x.size))) ** 2
+    # hardly tapered: a sweep holds its lowest frequencies at one end of the record
+    power = np.abs(np.fft.rfft(detrend(x) * tukey(x.size, 0.05))) ** 2
     rising = np.cumsum(power)
     line = int(np.searchsorted(rising, share * rising[-1]))
     return max(line, 1) * rate / x.size
@@ -87,7 +89,7 @@ def rigid_band(run: Run) -> float | None:
     It lies just above where the excitation begins, and never under 3 Hz: an elastic joint's modes are above.
     """
     for quantity in ("torque", "current", "force", "angle", "angular-velocity"):
-        for signal in run.select(quantity):  # type: ignore[arg-type]
+        for signal in run.select(quantity):
             if signal.channel.location in ("motor", "load") and np.isfinite(signal.samples).all():
                 if np.ptp(signal.samples) == 0.0:
                     continue
