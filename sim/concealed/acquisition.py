@@ -40,7 +40,7 @@ def _clocks() -> list[Law]:
 
     signed_ppm: Report = lambda v, s: {"ppm": v["sign"] * v["ppm"]}  # noqa: E731
     late = lambda setting: (2e-5, 5e-3)  # noqa: E731
-    fast = lambda setting: (2.0, 3000.0)  # noqa: E731
+    fast = lambda setting: (2.0, 500.0)  # noqa: E731
     return [
         _law("delay", "constant", "delay", "s", "delay", late, _plain("delay"),
              lambda v, m: {"delay": v["delay"]}, seen_in=DRIVES, two_devices=True),
@@ -64,7 +64,7 @@ def _accelerometer() -> list[Law]:
 
     def level(setting: Setting, rng: np.random.Generator) -> dict[str, float]:
         return {
-            "share": 0.0, "unit": setting.acceleration, "softness": float(rng.uniform(0.05, 0.2)),
+            "share": 0.0, "unit": setting.acceleration, "weight": setting.rig.gravity, "softness": float(rng.uniform(0.05, 0.2)),
             "recovery": float(rng.uniform(0.01, 0.05)),
         }  # fmt: skip
 
@@ -75,23 +75,23 @@ def _accelerometer() -> list[Law]:
         }  # fmt: skip
 
     angle: Report = lambda v, s: {"angle": v["sign"] * v["angle"]}  # noqa: E731
-    limit: Report = lambda v, s: {"level": v["share"] * v["unit"]}  # noqa: E731
+    limit: Report = lambda v, s: {"level": v["weight"] + v["share"] * v["unit"]}  # noqa: E731
     true: Report = lambda v, s: {"gain": 1.0 + v["sign"] * v["excess"]}  # noqa: E731
     low = lambda setting: (0.9 * setting.daq_rate, max(70.0, 1.6 * setting.frequency))  # noqa: E731
     return [
-        _law("sensor-tilt", "turned", "angle", "rad", "angle", lambda s: (0.003, 0.5), tilt,
+        _law("sensor-tilt", "turned", "angle", "rad", "angle", lambda s: (0.003, 0.35), tilt,
              lambda v, m: {"tilt": v["sign"] * v["angle"]}, report=angle),
-        _law("sensor-tilt", "turned-and-crossed", "angle", "rad", "angle", lambda s: (0.003, 0.5), tilt,
+        _law("sensor-tilt", "turned-and-crossed", "angle", "rad", "angle", lambda s: (0.003, 0.35), tilt,
              lambda v, m: {"tilt": v["sign"] * v["angle"], "cross": v["cross"] * v["angle"]}, report=angle, departs=True),
         _law("sensor-resonance", "second-order", "frequency", "Hz", "frequency", low, mount,
              lambda v, m: {"resonance": v["frequency"], "resonance_damping": v["damping"]}),
         _law("sensor-resonance", "with-bandwidth-limit", "frequency", "Hz", "frequency", low, mount,
              lambda v, m: {"resonance": v["frequency"], "resonance_damping": v["damping"],
                            "bandwidth": 4.0 * v["frequency"]}, departs=True),
-        _law("sensor-saturation", "hard", "level", "m/s^2", "share", lambda s: (1.6, 0.25), level,
-             lambda v, m: {"level": v["share"] * v["unit"]}, report=limit),
-        _law("sensor-saturation", "soft-with-recovery", "level", "m/s^2", "share", lambda s: (1.6, 0.25), level,
-             lambda v, m: {"level": v["share"] * v["unit"], "softness": v["softness"], "recovery": v["recovery"]},
+        _law("sensor-saturation", "hard", "level", "m/s^2", "share", lambda s: (1.2, 0.2), level,
+             lambda v, m: {"level": v["weight"] + v["share"] * v["unit"]}, report=limit),
+        _law("sensor-saturation", "soft-with-recovery", "level", "m/s^2", "share", lambda s: (1.2, 0.2), level,
+             lambda v, m: {"level": v["weight"] + v["share"] * v["unit"], "softness": v["softness"], "recovery": v["recovery"]},
              report=limit, departs=True),
         _law("sensor-gain", "constant", "gain", "1", "excess", lambda s: (0.003, 0.2), gain,
              lambda v, m: {"gain": 1.0 + v["sign"] * v["excess"]}, report=true),

@@ -329,7 +329,7 @@ def _modes() -> list[Law]:
         k = J * (1.0 - v["share"]) * (2.0 * math.pi * v["frequency"]) ** 2
         c = 2.0 * v["damping"] * k / (2.0 * math.pi * v["frequency"])
         centre = s.rig.arm_com_radius
-        hinges = [(0.15 * centre, 1.6 * k, 1.6 * c), (0.5 * centre, 1.0 * k, 1.0 * c)]
+        hinges = [(0.15 * centre, 1.05 * k, 1.05 * c), (0.5 * centre, 0.65 * k, 0.65 * c)]
         further_modes.split_arm(root, s, v["share"], hinges)
 
     def slide_and_rock(root: ET.Element, v: Values, s: Setting, m: Moment) -> None:
