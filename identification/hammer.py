@@ -202,7 +202,7 @@ def _fit_without_outliers(
     spectra: Sequence[HitSpectrum], start: ModalModel
 ) -> tuple[ParametricFit, tuple[Rejected, ...]]:
     """Fit, drop hits whose gain, delay or noise stands far out of the others', and fit again."""
-    fit = _with_complex_modes(fit_hits(spectra, start))
+    fit = _with_complex_modes(fit_hits(spectra, start), start)
     if len(spectra) < 5:
         return fit, ()
     noise = np.log([float(np.mean(sigma[0])) / hit.level for hit, sigma in zip(fit.hits, fit.noise, strict=True)])
@@ -228,17 +228,19 @@ def _fit_without_outliers(
     return fit_hits(kept, fit.model), rejected
 
 
-def _with_complex_modes(fit: ParametricFit) -> ParametricFit:
-    """The same modes with a b2 each, where there are several and the evidence (BIC) asks for it."""
-    model = fit.model
-    if model.modes < 2:
+def _with_complex_modes(fit: ParametricFit, start: ModalModel) -> ParametricFit:
+    """The same modes with a b2 each, where there are several and the evidence (BIC) asks for it.
+
+    Begun at ``start`` again: real modes that were forced on a complex pair may have drifted off.
+    """
+    if start.modes < 2:
         return fit
     try:
-        free = fit_hits(fit.hits, replace(model, b2=np.zeros_like(model.b1)))
+        free = fit_hits(fit.hits, replace(start, b2=np.zeros_like(start.b1)))
     except RefusedError:
         return fit
     numbers = sum(2 * hit.output.size for hit in fit.hits)
-    return free if _misfit(free) + model.b1.size * math.log(numbers) < _misfit(fit) else fit
+    return free if _misfit(free) + start.b1.size * math.log(numbers) < _misfit(fit) else fit
 
 
 def _misfit(fit: ParametricFit) -> float:

@@ -1,6 +1,6 @@
 """How many modes the recordings hold: poles of rising order, which of them are stable, and which the evidence keeps.
 
-A pole is *stable* where the next lower order has it too, within 1 % in frequency and 20 % in damping; poles that three
+A pole is *stable* where the next lower order has it too, within 1 % in frequency and 30 % in damping; poles that three
 orders agree on are candidates. The richest order's residual, block by block in frequency, is the noise that any model
 is judged by. From all candidates together, modes are taken away one at a time as long as the Bayesian information
 criterion (Schwarz 1978) falls; residual lines for what lies outside the band stand the same test.
@@ -24,7 +24,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 FAITHFUL = 5e-4  # share of every line that no sensor chain promises; no mode is believed on less
 HIGHEST_DAMPING = 0.25  # above it a pole is part of the background
-_CLOSE_FREQUENCY, _CLOSE_DAMPING = 0.01, 0.2
+_CLOSE_FREQUENCY, _CLOSE_DAMPING = 0.01, 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,7 @@ def _pole_table(
             continue
         stable = any(
             abs(frequency - old.frequency) <= _CLOSE_FREQUENCY * frequency
-            and abs(ratio - old.damping_ratio) <= max(_CLOSE_DAMPING * ratio, 5e-4)
+            and abs(ratio - old.damping_ratio) <= max(_CLOSE_DAMPING * max(ratio, old.damping_ratio), 5e-4)
             for old in before
         )
         rows.append(StablePole(order=order, frequency=float(frequency), damping_ratio=float(ratio), stable=stable))
@@ -152,7 +152,7 @@ def _width(row: StablePole) -> float:
 def _same(one: StablePole, other: StablePole) -> bool:
     return abs(one.frequency - other.frequency) <= 0.5 * _CLOSE_FREQUENCY * one.frequency and abs(
         one.damping_ratio - other.damping_ratio
-    ) <= max(_CLOSE_DAMPING * one.damping_ratio, 5e-4)
+    ) <= max(_CLOSE_DAMPING * max(one.damping_ratio, other.damping_ratio), 5e-4)
 
 
 def _richest_residual(hits: Sequence[HitSpectrum], poles: Complex) -> list[Real]:

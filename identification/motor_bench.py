@@ -20,7 +20,7 @@ from jointscope.identification.joint_values import WIDEST, Units, units
 from jointscope.identification.model_file import BaseModel, joint_values
 from jointscope.identification.response_estimate import Responses, estimate_responses
 from jointscope.identification.result import Identification, MatrixFit, Mode, Refused
-from jointscope.identification.two_inertia import PARAMETERS, TwoInertia, TwoInertiaFit, fit_two_inertia, fitted
+from jointscope.identification.two_inertia import PARAMETERS, TwoInertiaFit, fit_two_inertia, fitted
 from jointscope.recordings.bandlimited import resampled
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque
@@ -95,6 +95,16 @@ def identify_bench(runs: Sequence[Run], rig: Nameplate) -> Identification:
         base=_base(fit, rig, scale, unit if scale == 1.0 and not absolute else "N m"),
         response=matrix,
     )
+
+
+def bench_responses(run: Run, rig: Nameplate) -> tuple[tuple[str, ...], Responses]:
+    """Sides recorded (``motor``, ``load``) and their accelerations per generalised torque, of one run.
+
+    Raises:
+        RefusedError: Too little was recorded or excited.
+    """
+    sides, _, responses = _read(run, rig)
+    return tuple(side.name for side in sides), responses
 
 
 def _motor_inertia(rig: Nameplate) -> float | None:
@@ -304,18 +314,3 @@ def _base(fit: TwoInertiaFit, rig: Nameplate, scale: float, input_unit: str) -> 
         covariance=logs * np.outer(size, size),
         input_unit=input_unit,
     )
-
-
-def predicted_log_error(fit: TwoInertiaFit, names: Sequence[str], other: Responses) -> Real:
-    """RMS of ln|fitted/measured| of another run's responses per output, over its lines known to 10 %."""
-    model = fitted(fit, names, other.frequency)
-    keep = other.deviation / np.abs(other.values) < 0.1
-    return np.array(
-        [
-            float(np.sqrt(np.mean(np.log(np.abs(m / v))[k] ** 2)))
-            for m, v, k in zip(model, other.values, keep, strict=True)
-        ]
-    )
-
-
-__all__ = ["TwoInertia", "bench_runs", "identify_bench", "predicted_log_error"]
