@@ -157,6 +157,10 @@ class Belief:
     inertia: float = 0.0
 
 
+STATED = Belief()
+"""What is believed where nobody says otherwise."""
+
+
 def identify_joints(
     spots: Sequence[Spot],
     joints: Sequence[str],
@@ -164,7 +168,7 @@ def identify_joints(
     damping: Real,
     sought: Sequence[str],
     *,
-    belief: Belief = Belief(),
+    belief: Belief = STATED,
     band: tuple[float, float] = (4.0, 50.0),
 ) -> JointFit:
     """Fit K and c of every joint to all hits of all spots at once.

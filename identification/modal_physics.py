@@ -1,8 +1,8 @@
 r"""A joint with several modes: equivalent J~, c~, K~ of each (paper, Equations 22-25), and which joints move in it.
 
-The number of modes is chosen by evidence (``modes.select_modes``), the parameters by the likelihood over single hits
-(``direct_parametric``). Joints that are damped unlike give complex modes; the b2 of each term, which stands for them,
-stays only where the evidence asks for it (Bayesian information criterion). What a mode means is read off the arm's own
+Number of modes and parameters are those of the single joint's identification (``hammer``): by evidence and by the
+likelihood over single hits. Joints that are damped unlike give complex modes; the b2 of each term, which stands for
+them, stays only where the evidence asks for it. What a mode means is read off the arm's own
 eigenproblem at the posture: the mode of (K, M) nearest in frequency, its shape and each reducer's share of the energy.
 """
 
@@ -16,14 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
-from jointscope.identification.direct_parametric import ParametricFit, fit_hits
-from jointscope.identification.errors_in_variables import HitSpectrum
+from jointscope.identification.direct_parametric import ParametricFit
+from jointscope.identification.hammer import HammerPlan, identify_hammer
+from jointscope.identification.hit_spectra import Hit
 from jointscope.identification.intervals import Estimate, logarithmic, uncertainty
 from jointscope.identification.modal_model import ModalModel
-from jointscope.identification.modes import ModeSelection, select_modes
+from jointscope.identification.modes import ModeSelection
 from jointscope.models.arm.linear import JointValues, linear_arm, natural_modes
 from jointscope.models.arm.reference import Reference
 from jointscope.models.joint import DirectForm
+from jointscope.recordings.campaign import Nameplate
 
 Real = NDArray[np.float64]
 
@@ -90,33 +92,28 @@ class ModePhysics:
 
 
 def equivalent_modes(
-    hits: Sequence[HitSpectrum], band: tuple[float, float] = (4.0, 50.0), *, highest: int = 8
+    hits: Sequence[Hit], rig: Nameplate, band: tuple[float, float] = (4.0, 50.0), modes: int | None = None
 ) -> EquivalentModes:
     """Fit a sum of modes with residual terms to ``hits`` over ``band`` [Hz].
 
     Args:
         hits: One driving point, torque in and angular acceleration out (``hit_spectra.read_hit``).
+        rig: Nameplate.
         band: To fit [Hz].
-        highest: Largest number of modes that is tried.
+        modes: Their number; by evidence where ``None``.
 
     Raises:
         RefusedError: The band holds no mode, or the fit doesn't converge.
     """
-    selection = select_modes(hits, band, highest=highest)
-    if selection.model is None:
+    found = identify_hammer(hits, (), rig, None, HammerPlan(band=band, modes=modes, levels=False))
+    if found.fit is None or found.selection is None:
         raise RefusedError(
             f"no mode is stable between {band[0]:g} and {band[1]:g} Hz; hit harder or widen the band"
         )
-    inside = [hit.in_band(band) for hit in hits]
-    fit = fit_hits(inside, selection.model)
-    lagging = fit_hits(inside, replace(fit.model, b2=np.zeros_like(fit.model.b1)))
-    lines = sum(2 * hit.output.size for hit in inside)
-    spared = fit.cost / fit.freedom * lines - lagging.cost / fit.freedom * lines
-    is_complex = spared > fit.model.b1.size * math.log(lines)
-    chosen = lagging if is_complex else fit
     return EquivalentModes(
-        modes=_estimates(chosen), selection=selection, fit=chosen, band=band, complex_modes=is_complex
-    )
+        modes=_estimates(found.fit), selection=found.selection, fit=found.fit, band=band,
+        complex_modes=found.fit.model.b2.size > 0,
+    )  # fmt: skip
 
 
 def explain_modes(

@@ -22,14 +22,14 @@ def reproduce_six_axis(out: Path, seed: int = 0) -> int:
     from jointscope.sim.arm.campaign import arm_campaign
 
     matplotlib.use("Agg")
-    started = time.perf_counter()
+    started, busy = time.perf_counter(), time.process_time()
     out.mkdir(parents=True, exist_ok=True)
     result = measure(seed)
     plan = driven_plan()
     figures = draw_all(out, result, arm_campaign(plan, ()).rig)
-    result = replace(result, seconds=time.perf_counter() - started)
+    result = replace(result, seconds=time.perf_counter() - started, processor_seconds=time.process_time() - busy)
     holds = write_report(out, result, plan.truth, figures, seed)
     for claim in claims(result):
         print(f"{'ok  ' if claim.holds else 'MISS'} {claim.what}: {claim.value} ({claim.bound})")
-    print(f"{out / 'README.md'}: {result.seconds:.0f} s")
+    print(out / "README.md")
     return 0 if holds else 1

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.experiments.six_axis.plans import driven_plan, hammer_plan, joints_plan
-from jointscope.experiments.six_axis.results import HammerResult, PredictionResult, SixAxisResult, TorqueResult
+from jointscope.experiments.six_axis.results import (
+    HammerResult,
+    InertiaCheck,
+    PredictionResult,
+    SixAxisResult,
+    TorqueResult,
+)
 from jointscope.experiments.six_axis.speed import measure_speed
 from jointscope.experiments.six_axis.windup import kr300_windup
-from jointscope.identification.arm_spots import read_spots
+from jointscope.identification.arm_spots import Spot, read_spots
 from jointscope.identification.frf import from_spectra
 from jointscope.identification.hit_spectra import Hit, read_hit
-from jointscope.identification.joint_stiffness import JointFit, identify_joints
+from jointscope.identification.joint_stiffness import Belief, JointFit, identify_joints
 from jointscope.identification.modal_physics import EquivalentModes, equivalent_modes, explain_modes
 from jointscope.identification.model_file import BaseModel, Term
 from jointscope.models.arm.agreement import compare_engines
@@ -44,14 +50,19 @@ _TERM_DAMPING = 2.0  # N m s/rad, b_m and b_l of the paper's prediction
 
 def measure(seed: int) -> SixAxisResult:
     """Everything of section 4, from scratch."""
-    started = time.perf_counter()
+    started, busy = time.perf_counter(), time.process_time()
     rng = np.random.default_rng(seed)
     plan = hammer_plan()
     truth = build_arm(plan.truth)
     reference = arm_reference(truth)
     hammer = measure_hammer(plan, truth, reference, rng)
     lab = build_arm(plan.lab)
-    joints = measure_joints(joints_plan(), lab, rng)
+    plan_joints = joints_plan()
+    made = track(
+        simulate_arm(plan_joints, rng), "hits at two points", sum(s.hammer.hits for s in plan_joints.spots)
+    )
+    spots = read_joint_spots(plan_joints, lab, made)
+    joints = fit_joints(spots, lab)
     driven = driven_plan()
     recordings = list(track(simulate_arm(driven, rng), "joint 2 driven", 4))
     rig = arm_campaign(driven, ()).rig
@@ -75,6 +86,8 @@ def measure(seed: int) -> SixAxisResult:
         windup=kr300_windup(seed),
         currents=recordings[-1].run,
         seconds=time.perf_counter() - started,
+        processor_seconds=time.process_time() - busy,
+        inertia=check_inertia(reference, fit_joints(spots, lab, Belief(inertia=0.1)), plan.truth.posture),
     )
 
 
@@ -83,8 +96,9 @@ def measure_hammer(
 ) -> HammerResult:
     """20 hits on joint 2's link: FRF, sum of modes, what the modes are."""
     campaign = arm_campaign(plan, tuple(r.run for r in track(simulate_arm(plan, rng), "hits on joint 2", 20)))
-    hits = [hit.spectrum for run in campaign.runs if isinstance(hit := read_hit(run, campaign.rig), Hit)]
-    modes = equivalent_modes(hits, FIT_BAND)
+    usable = [hit for run in campaign.runs if isinstance(hit := read_hit(run, campaign.rig), Hit)]
+    modes = equivalent_modes(usable, campaign.rig, FIT_BAND)
+    hits = [hit.spectrum for hit in usable]
     frf = from_spectra(
         hits[0].frequency, np.array([h.input for h in hits]), np.array([h.output[0] / h.sensor[0] for h in hits])
     )
@@ -113,13 +127,28 @@ def measure_hammer(
     )
 
 
-def measure_joints(plan: ArmPlan, lab: ElasticArm, rng: np.random.Generator) -> JointFit:
-    """K and c of single joints from hits at two points in two postures, starting at the lab's rough figures."""
-    total = sum(spot.hammer.hits for spot in plan.spots)
-    runs = tuple(r.run for r in track(simulate_arm(plan, rng), "hits at two points", total))
-    spots, _ = read_spots(arm_campaign(plan, runs), arm_reference(lab))
+def read_joint_spots(plan: ArmPlan, lab: ElasticArm, made: Iterable[ArmRecording]) -> tuple[Spot, ...]:
+    """Hits at two points in two postures, with what the lab's model says of each."""
+    return read_spots(arm_campaign(plan, tuple(r.run for r in made)), arm_reference(lab))[0]
+
+
+def fit_joints(spots: Sequence[Spot], lab: ElasticArm, belief: Belief | None = None) -> JointFit:
+    """K and c of single joints, starting at the lab's rough figures."""
     rough = joint_values(lab)
-    return identify_joints(spots, lab.rotors, rough.stiffness, rough.damping, (JOINT, ELBOW), band=FIT_BAND)
+    return identify_joints(
+        spots, lab.rotors, rough.stiffness, rough.damping, (JOINT, ELBOW), belief=belief or Belief(), band=FIT_BAND
+    )
+
+
+def check_inertia(reference: Reference, fit: JointFit, posture: Mapping[str, float]) -> InertiaCheck:
+    """Pinocchio's load inertia about joint 2 beside the hits' own."""
+    k = reference.joints.index(JOINT)
+    locked = float(reference.locked_inertia(posture)[k])
+    factor, low, high = fit.inertia_factor
+    return InertiaCheck(
+        locked=locked, unlocked=float(reference.unlocked_inertia(posture)[k]), identified=factor * locked,
+        low=low * locked, high=high * locked,
+    )  # fmt: skip
 
 
 def measure_torque(recording: ArmRecording, rig: Nameplate, reference: Reference) -> TorqueResult:

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from jointscope.experiments.six_axis.measure import measure_joints
+from jointscope.experiments.six_axis.measure import fit_joints, read_joint_spots
 from jointscope.experiments.six_axis.plans import joints_plan
 from jointscope.models.arm.build import build_arm
 from jointscope.models.arm.linear import joint_values
 from jointscope.progress import track
+from jointscope.sim.arm.campaign import simulate_arm
 from jointscope.sim.arm.plan import ELBOW, JOINT
 
 
@@ -39,7 +40,8 @@ def _one(seed: int) -> dict[str, tuple[float, bool]]:
     plan = joints_plan()
     truth = build_arm(plan.truth)
     values = joint_values(truth)
-    fit = measure_joints(plan, build_arm(plan.lab), np.random.default_rng(seed))
+    lab = build_arm(plan.lab)
+    fit = fit_joints(read_joint_spots(plan, lab, simulate_arm(plan, np.random.default_rng(seed))), lab)
     row: dict[str, Any] = {}
     for symbol, estimates, exact in (("K", fit.stiffness, values.stiffness), ("c", fit.damping, values.damping)):
         for estimate, true in zip(estimates, exact, strict=True):

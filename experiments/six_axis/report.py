@@ -48,6 +48,7 @@ def _page(
         "| | claim | found | bound |", "|---|---|---|---|",
     ]  # fmt: skip
     lines += [f"| {'yes' if c.holds else '**NO**'} | {c.what} | {c.value} | {c.bound} |" for c in found]
+    lines += ["", "## Table 3: the second joint's motor", "", *_table_3(table)]
     lines += ["", "## Equation (27) and Table 4", "", "| | paper | here | 95 % |", "|---|---|---|---|"]
     for number, (mode, target, printed) in enumerate(
         zip(result.hammer.modes.modes, PAPER_TABLE_4, PAPER_27, strict=False), start=1
@@ -74,12 +75,27 @@ def _page(
         lines.append(
             f"| {k.joint} | {k.value:.6g} | {_span(k.low, k.high)} | {c.value:.4g} | {_span(c.low, c.high)} | {said} |"
         )
+    inertia = result.inertia
+    lines += ["", f"Load inertia about joint 2: Pinocchio {inertia.locked:.4g} kg m² with the other joints locked, "
+              f"{inertia.unlocked:.4g} kg m² with those beyond it free; from the hits, with one factor on all inertias let free, "
+              f"{inertia.identified:.4g} [{inertia.low:.4g}, {inertia.high:.4g}] kg m² locked."]  # fmt: skip
     lines += ["", "## KUKA KR300: wind-up of axes 1 to 3 (recorded)", ""]
     lines += _windup_lines(result.windup)
     lines += ["", "## Figures", ""]
     for name, caption in figures:
         lines += [f"![{caption}]({name})", "", caption, ""]
     return lines
+
+
+def _table_3(table: ArmTable) -> list[str]:
+    row = table.joint("shoulder_lift_joint")
+    return [
+        "| | paper | here |", "|---|---|---|",
+        f"| rotational inertia of the motor [kg m²] | 0.001 | {row.motor_inertia:g} |",
+        f"| rotational inertia of the reducer [kg m²] | 0.00032 | {row.reducer_inertia:g} |",
+        "| pole pairs | 5 | 5 |", "| torque constant [N m/A] | 0.458 | 0.458 |",
+        f"| reduction ratio | not printed | {row.reduction_ratio:g} (assumed, as the bench's) |",
+    ]  # fmt: skip
 
 
 def _span(low: float, high: float) -> str:
@@ -124,5 +140,7 @@ def _numbers(result: SixAxisResult, found: Sequence[Claim], seed: int) -> dict[s
         "prediction": {p.run: {name: asdict(score) for name, score in p.scores.items()} for p in result.prediction},
         "steps_per_second": dict(result.speed),
         "windup": as_numbers(dict(result.windup)),
+        "load_inertia_joint_2": asdict(result.inertia),
         "seconds": result.seconds,
+        "processor_seconds": result.processor_seconds,
     }  # fmt: skip

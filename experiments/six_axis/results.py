@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -105,6 +105,24 @@ class PredictionResult:
     clear: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class InertiaCheck:
+    """Load inertia about joint 2 [kg m^2]: Pinocchio's, and what the hits say of it.
+
+    Attributes:
+        locked: With the other joints locked.
+        unlocked: With the joints beyond it free.
+        identified: ``locked`` times the factor that the hits ask for when the model's inertias may be off.
+        low, high: Its 95 % interval.
+    """
+
+    locked: float
+    unlocked: float
+    identified: float
+    low: float
+    high: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SixAxisResult:
     """Everything."""
@@ -119,4 +137,5 @@ class SixAxisResult:
     windup: Mapping[str, Any]
     currents: Run
     seconds: float
-    extra: Mapping[str, Any] = field(default_factory=dict)
+    processor_seconds: float
+    inertia: InertiaCheck

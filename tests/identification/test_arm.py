@@ -23,7 +23,7 @@ from jointscope.sim.arm.plan import ELBOW, JOINT
 
 @pytest.fixture(scope="module")
 def joint_hits():
-    plan = joints_plan(hits=3)
+    plan = joints_plan(hits=2)
     campaign = arm_campaign(plan, tuple(r.run for r in simulate_arm(plan, np.random.default_rng(4))))
     return plan, campaign
 
@@ -47,13 +47,13 @@ def modes():
     spot = replace(plan.spots[0], hammer=replace(plan.spots[0].hammer, hits=6))
     plan = replace(plan, spots=(spot,))
     campaign = arm_campaign(plan, tuple(r.run for r in simulate_arm(plan, np.random.default_rng(1))))
-    hits = [hit.spectrum for run in campaign.runs if isinstance(hit := read_hit(run, campaign.rig), Hit)]
-    return equivalent_modes(hits)
+    hits = [hit for run in campaign.runs if isinstance(hit := read_hit(run, campaign.rig), Hit)]
+    return equivalent_modes(hits, campaign.rig)
 
 
 def test_hits_are_gathered_by_point_and_posture(spots):
     assert len(spots) == 4
-    assert all(len(spot.hits) == 3 for spot in spots)
+    assert all(len(spot.hits) == 2 for spot in spots)
     assert all(spot.outputs == ("acc_upper_arm", "acc_forearm") for spot in spots)  # the base shows the floor
 
 
@@ -105,7 +105,7 @@ def test_a_double_hit_is_left_out(joint_hits):
     spoilt = replace(campaign, runs=(replace(run, streams=(bad,)), *campaign.runs[1:]))
     spots, rejected = read_spots(spoilt, arm_reference(build_arm(plan.lab)))
     assert [r.finding for r in rejected] == ["double-hit"]
-    assert sum(len(spot.hits) for spot in spots) == 11
+    assert sum(len(spot.hits) for spot in spots) == 7
 
 
 def test_equivalent_parameters_are_the_paper_s(modes):
@@ -130,9 +130,11 @@ def test_modes_say_which_joints_move(modes, joint_hits):
 
 
 def test_stabilisation_holds_both_modes_at_every_higher_order(modes):
-    stable = [p for p in modes.selection.stabilisation if p.stable and p.order >= 4]
+    poles = modes.selection.stabilisation
+    higher = {p.order for p in poles if p.order >= 4}
+    assert higher
     for wanted in (16.79, 28.65):
-        assert {p.order for p in stable if abs(p.frequency - wanted) < 0.1} == {4, 5, 6, 7, 8}
+        assert {p.order for p in poles if p.stable and abs(p.frequency - wanted) < 0.1} >= higher
 
 
 def test_parts_of_a_sum_add_up():

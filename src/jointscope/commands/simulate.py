@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from jointscope.models.parameters import Rig
+    from jointscope.sim.arm.plan import ArmPlan, HammerSpot
     from jointscope.sim.chain import Chain
     from jointscope.sim.plan import SingleJointPlan
 
@@ -49,6 +50,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--experiments", nargs="+", choices=_EXPERIMENTS, default=_EXPERIMENTS, help="which ones (default all)"
     )
     arm.add_argument("--hits", type=int, default=5, metavar="N", help="at each point and posture (default 5)")
+    arm.add_argument(
+        "--point", type=float, nargs=3, metavar=("X", "Y", "Z"),
+        help="hit only here, on the link of joint 2, in its frame [m] (default: two points in two postures)",
+    )  # fmt: skip
+    arm.add_argument(
+        "--direction", type=float, nargs=3, default=(1.0, 0.0, 0.0), metavar=("X", "Y", "Z"),
+        help="of that hit, in the link's frame (default 1 0 0)",
+    )  # fmt: skip
+    arm.add_argument(
+        "--posture", nargs="+", default=(), metavar="JOINT=RAD", help="joints that stand elsewhere during that hit"
+    )
 
 
 def _configure_single_joint(parser: argparse.ArgumentParser) -> None:
@@ -126,6 +138,28 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _chosen_spot(options: argparse.Namespace, plan: ArmPlan) -> HammerSpot:
+    """The hit that the user placed, on the link of joint 2."""
+    from dataclasses import replace
+
+    from jointscope.errors import JointscopeError
+    from jointscope.models.arm.holding import Probe
+
+    posture = dict(plan.truth.posture)
+    for word in options.posture:
+        name, _, angle = word.partition("=")
+        if name not in posture:
+            raise JointscopeError(f"--posture {word}: no such joint; joints: {', '.join(posture)}")
+        try:
+            posture[name] = float(angle)
+        except ValueError:
+            raise JointscopeError(f"--posture {word}: write it as {name}=0.5, in rad") from None
+    x, y, z = options.point
+    first = plan.spots[0]
+    hit = Probe(name="hit_chosen", body=first.hit.body, point=(x, y, z), axis=tuple(options.direction))
+    return replace(first, name="hammer", hit=hit, radius=(x * x + z * z) ** 0.5, posture=posture)
+
+
 def _run_six_axis(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
@@ -144,6 +178,8 @@ def _run_six_axis(options: argparse.Namespace) -> int:
     if options.arm is not None:
         truth = read_table(Path(options.arm))
         plan = replace(plan, truth=truth, lab=lab_table(truth))
+    if options.point is not None:
+        plan = replace(plan, spots=(_chosen_spot(options, plan),))
     plan = replace(
         plan,
         spots=plan.spots if "hammer" in options.experiments else (),
