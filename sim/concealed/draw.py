@@ -66,6 +66,7 @@ class Bench:
     experiments: str
     topology: Literal["two-inertia", "single-dof"]
     hard: bool
+    motion: Literal["rotational", "translational"]
 
     @property
     def setting(self) -> Setting:
@@ -93,7 +94,7 @@ def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:
     clean = [declared(channels, bench.plan.devices) for channels in clean]
     records = [noisy(channels, bench.plan.devices, bench.noise, noise_rng) for channels in clean]
     paper = np.random.default_rng(paper_seed)
-    plate = paperwork.nameplate(bench.rig, bench.topology, paper, 0.35 if bench.hard else 0.15)
+    plate = paperwork.nameplate(bench.rig, bench.topology, bench.motion, paper, 0.35 if bench.hard else 0.15)
     case = paperwork.campaign(bench.rig, bench.plan, records, plate, paper)
     paperwork.write_case(case, directory)
     return _truth(
@@ -112,7 +113,8 @@ def draw_bench(rng: np.random.Generator, draw: Draw, *, experiments: str | None 
     chosen = names[int(rng.choice(len(names), p=list(SET_SHARES.values())))]
     experiments = experiments or chosen
     vertical, single, hard = rng.random() < 0.65, rng.random() < 0.3, bool(rng.random() < 1 / 3)
-    rig = rigs.draw_rig(rng, draw, vertical=bool(vertical))
+    slides = bool(rng.random() < 0.3) and bool(single) and experiments == "H"
+    rig = rigs.draw_carriage(rng, draw) if slides else rigs.draw_rig(rng, draw, vertical=bool(vertical))
     kinds = rigs.SETS[experiments]
     plan = rigs.draw_plan(rng, draw, rig, kinds)
     if single and experiments == "H":  # no motor to look at
@@ -123,7 +125,7 @@ def draw_bench(rng: np.random.Generator, draw: Draw, *, experiments: str | None 
     topology: Literal["two-inertia", "single-dof"] = (
         "single-dof" if single and experiments == "H" else "two-inertia"
     )
-    return Bench(rig, plan, noise, experiments, topology, hard)
+    return Bench(rig, plan, noise, experiments, topology, hard, "translational" if slides else "rotational")
 
 
 def conceal(
@@ -266,6 +268,7 @@ def _truth(
         "experiments": bench.experiments,
         "topology": bench.topology,
         "hard": bench.hard,
+        "motion": bench.motion,
         "channels": sorted({name for record in records for name in record}),
         "effects": [
             {

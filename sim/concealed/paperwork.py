@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from jointscope.atomic import new_directory
 from jointscope.models.parameters import Rig
-from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream, Topology
+from jointscope.recordings.campaign import Campaign, Channel, Location, Nameplate, Run, Stream, Topology
+from jointscope.recordings.campaign import Motion as MotionOf
 from jointscope.recordings.toml_text import campaign_text
 from jointscope.sim.concealed.rehearsal import Plan, Take
 
@@ -27,15 +28,27 @@ MOMENT: Final = 1_000_000_000  # s since 1970, the time stamp of every file
 _ZIP_MOMENT: Final = (1980, 1, 1, 0, 0, 0)
 
 
-def nameplate(rig: Rig, topology: Topology, rough: np.random.Generator, spread: float) -> Nameplate:
+def nameplate(
+    rig: Rig, topology: Topology, motion: MotionOf, rough: np.random.Generator, spread: float
+) -> Nameplate:
     """What the lab knows: exact where the format says exact, off by ``spread`` (log) where it says rough."""
     joint = rig.joint
 
     def off(value: float, share: float) -> float:
         return float(f"{value * np.exp(share * spread * rough.standard_normal()):.4g}")
 
+    if motion == "translational":
+        return Nameplate(
+            topology=topology,
+            motion=motion,
+            plane="horizontal",
+            load_damping=off(joint.load_damping, 2.0),
+            stiffness_reference=off(joint.stiffness, 1.0),
+            inertia_reference=off(joint.load_inertia, 0.7),
+            damping_reference=off(joint.damping, 2.5),
+        )
     return Nameplate(
-        topology=topology, motion="rotational", plane="vertical" if rig.gravity else "horizontal",
+        topology=topology, motion=motion, plane="vertical" if rig.gravity else "horizontal",
         reduction_ratio=joint.reduction_ratio, motor_inertia=joint.motor_inertia,
         reducer_inertia=joint.reducer_inertia, motor_damping=off(joint.motor_damping, 2.0),
         load_damping=off(joint.load_damping, 2.0), arm_mass=rig.arm_mass, arm_com_radius=rig.arm_com_radius,
@@ -50,14 +63,15 @@ def campaign(
     """The case as a campaign, runs in the order of the session."""
     names = ids.permutation(900)[: len(plan.takes)] + 100
     runs = tuple(
-        _run(rig, plan, take, record, f"r{name}")
+        _run(rig, plan, take, record, f"r{name}", slides=plate.motion == "translational")
         for take, record, name in zip(plan.takes, records, names, strict=True)
     )
     return Campaign(path=Path(), rig=plate, runs=runs, title="bench recordings")
 
 
-def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str) -> Run:
+def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str, *, slides: bool) -> Run:
     devices = plan.devices
+    place: Location = "load" if slides else "arm"
     daq: list[Channel] = []
     if "force" in record:
         daq.append(
@@ -65,20 +79,20 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
                 column="force",
                 quantity="force",
                 unit="N",
-                location="arm",
+                location=place,
                 role="input",
-                radius=rig.hammer_radius,
+                radius=None if slides else rig.hammer_radius,
                 samples=record["force"],
             )
         )
     daq.append(
         Channel(
             column="acceleration",
-            quantity="linear-acceleration",
+            quantity="acceleration" if slides else "linear-acceleration",
             unit="m/s^2",
-            location="arm",
+            location=place,
             role="output",
-            radius=rig.accelerometer_radius,
+            radius=None if slides else rig.accelerometer_radius,
             coupling="ac" if devices.low_cutoff else "dc",
             low_cutoff=devices.low_cutoff or None,
             full_scale=devices.full_scale,
@@ -88,10 +102,10 @@ def _run(rig: Rig, plan: Plan, take: Take, record: Mapping[str, Real], name: str
     if "arm" in record:
         daq.append(
             Channel(
-                column="arm_angle",
-                quantity="angle",
-                unit="rad",
-                location="arm",
+                column="position" if slides else "arm_angle",
+                quantity="position" if slides else "angle",
+                unit="m" if slides else "rad",
+                location=place,
                 role="output",
                 samples=record["arm"],
             )

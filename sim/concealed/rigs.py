@@ -80,6 +80,22 @@ def draw_rig(rng: np.random.Generator, draw: Draw, *, vertical: bool) -> Rig:
     )  # fmt: skip
 
 
+def draw_carriage(rng: np.random.Generator, draw: Draw) -> Rig:
+    """A mass on a spring that slides: a rig of unit radius in small motion, inertia as mass, torque as force."""
+    ranges = RANGES[draw]
+    m = _log(rng, (2.0, 60.0))
+    K = m * float(2.0 * np.pi * rng.uniform(*ranges.frequency)) ** 2
+    c = 2.0 * float(np.sqrt(K * m))
+    joint = Joint(
+        stiffness=K, damping=_log(rng, ranges.damping_ratio) * c, load_inertia=m, motor_inertia=_rounded(m / 100.0**2),
+        reducer_inertia=_rounded(m / 100.0**2), reduction_ratio=100.0, motor_damping=0.002 * c, load_damping=0.002 * c,
+    )  # fmt: skip
+    return Rig(
+        joint=joint, arm_mass=round(0.6 * m, 3), arm_com_radius=1.0, hammer_radius=1.0, accelerometer_radius=1.0,
+        gravity=0.0,
+    )  # fmt: skip
+
+
 def _rounded(value: float) -> float:
     return float(f"{value:.4g}")
 

@@ -128,7 +128,7 @@ def test_paperwork_does_not_tell_hits_from_misses(tmp_path):
         kind_seed, bench_seed, paper_seed = np.random.SeedSequence([77, i]).spawn(3)
         bench = draw_bench(np.random.default_rng(bench_seed), "development")
         rng = np.random.default_rng(paper_seed)
-        plate = paperwork.nameplate(bench.rig, bench.topology, rng, 0.35 if bench.hard else 0.15)
+        plate = paperwork.nameplate(bench.rig, bench.topology, bench.motion, rng, 0.35 if bench.hard else 0.15)
         records = [_silence(bench, take) for take in bench.plan.takes]
         folder = tmp_path / f"{np.random.default_rng([9, i]).integers(2**40):010x}"
         paperwork.write_case(paperwork.campaign(bench.rig, bench.plan, records, plate, rng), folder)
