@@ -4,6 +4,9 @@
   jointscope predict out/diagnosis/model.json inputs-only --out out/predicted --declared
 
 MODEL.json comes from `jointscope identify` (the base model) or `jointscope diagnose` (with the effects it found).
+Your own MJCF goes in its place, with the map that says which joint is which (`jointscope model map --help`):
+
+  jointscope predict robot.xml bench-a --map map.toml --out out/predicted
 
 Only inputs are read: force, torque, phase currents, speed command, a prescribed motion, and each run's arm_angle.
 An encoder or an accelerometer is an output; where it was recorded it is used to score the prediction, never to make it.
@@ -28,6 +31,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from jointscope.prediction.base_model import ChannelPrediction, RunPrediction
     from jointscope.prediction.run_scores import ChannelScore
+    from jointscope.prediction.uncertainty import ChannelBand
     from jointscope.recordings.campaign import Campaign
 
 MOST_PICTURES = 12
@@ -35,12 +39,13 @@ MOST_PICTURES = 12
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("model", type=Path, help="model.json of identify or diagnose")
+    parser.add_argument("model", type=Path, help="model.json of identify or diagnose, or your own MJCF")
     parser.add_argument("campaign", type=Path, help="folder with campaign.toml")
     parser.add_argument("--out", type=Path, required=True, help="folder to write")
     parser.add_argument(
         "--declared", action="store_true", help="also predict output channels that are declared but not recorded"
     )
+    parser.add_argument("--map", type=Path, default=None, help="map.toml of your own MJCF (guessed without it)")
     parser.add_argument("--no-pictures", action="store_true", help="write CSV and scores only")
     parser.add_argument("--json", action="store_true", help="print scores.json instead of the table")
 
@@ -52,8 +57,15 @@ def run(options: argparse.Namespace) -> int:
     from jointscope.prediction.run_scores import score_run
     from jointscope.recordings.reader import read_campaign
 
-    campaign = read_campaign(options.campaign)
-    predictions = _predicted(options.model, campaign, options.declared)
+    campaign = read_campaign(options.campaign, missing_outputs="allow")
+    if options.model.suffix.lower() in (".xml", ".mjcf"):
+        from jointscope.prediction.arm_campaign import predict_mapped
+        from jointscope.progress import track
+
+        made = predict_mapped(options.model, options.map, campaign, declared=options.declared)
+        predictions = list(track(made, "predict", len(campaign.runs)))
+    else:
+        predictions = _predicted(options.model, campaign, options.declared)
     options.out.mkdir(parents=True, exist_ok=True)
     scores = {}
     for prediction in predictions:
@@ -66,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     if any(scores.values()):
         write_text(options.out / "scores.json", text)
         if not options.no_pictures:
-            _draw(options.out, predictions, scores)
+            _draw(options.out, options.model, predictions, scores)
     print(text if options.json else _table(predictions, scores, options.out), end="")
     return 0
 
@@ -116,13 +128,31 @@ def _wrapped(run: object, pairs: list, wanted: set[int]) -> RunPrediction:  # ty
     )
 
 
-def _draw(out: Path, predictions: list[RunPrediction], scores: dict[str, tuple[ChannelScore, ...]]) -> None:
+def _draw(
+    out: Path, model: Path, predictions: list[RunPrediction], scores: dict[str, tuple[ChannelScore, ...]]
+) -> None:
     from jointscope.experiments.figures_prediction import run_figure
     from jointscope.progress import track
 
     scored = [prediction for prediction in predictions if scores[prediction.run.id]][:MOST_PICTURES]
     for prediction in track(scored, "pictures", len(scored)):
-        run_figure(out / f"{prediction.run.id}.png", prediction, scores[prediction.run.id])
+        bands = _bands(model, prediction)
+        run_figure(out / f"{prediction.run.id}.png", prediction, scores[prediction.run.id], bands)
+
+
+def _bands(model: Path, prediction: RunPrediction) -> tuple[ChannelBand, ...] | None:
+    """What the parameters' covariance leaves open, for a base model."""
+    if model.suffix.lower() in (".xml", ".mjcf"):
+        return None
+    import json
+
+    from jointscope.identification.model_file import read_model
+    from jointscope.prediction.uncertainty import parameter_bands
+
+    if json.loads(model.read_text(encoding="utf-8")).get("kind", "base") != "base":
+        return None
+    declared = any(channel.signal.channel.samples is None for channel in prediction.channels)
+    return parameter_bands(read_model(model), prediction.run, prediction, declared=declared)
 
 
 def _table(predictions: list[RunPrediction], scores: dict[str, tuple[ChannelScore, ...]], out: Path) -> str:
