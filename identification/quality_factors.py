@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -79,7 +79,8 @@ def _mended(run: Run, correction: Correction) -> Run:
     def channel(c: Channel) -> Channel:
         if c.column not in columns or c.samples is None:
             return c
-        return replace(c, samples=np.asarray(c.samples * correction.factor, dtype=c.samples.dtype))
+        samples: Any = np.asarray(c.samples) * correction.factor
+        return replace(c, samples=samples)
 
     streams = tuple(replace(stream, channels=tuple(map(channel, stream.channels))) for stream in run.streams)
     return replace(run, streams=streams)

@@ -40,7 +40,7 @@ NAMES: Final = {
     "undersampled-pulse": "the hammer's pulse is too short for the sampling rate",
     "clock-skew": "two devices' clocks disagree",
     "dead-channel": "nothing was recorded on it",
-    "suspicious-unit": "a factor known from unit mistakes would bring it into line with the others",
+    "suspicious-unit": "its unit or scale contradicts the file or the other channels",
     "truncated-decay": "the recording ends before the arm has come to rest",
     "low-coherence": "repeats of the same excitation don't give the same response",
     "sample-gaps": "samples are missing, or stuck at the one before",

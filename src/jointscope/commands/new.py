@@ -1,0 +1,152 @@
+"""Make a campaign from a lab's own data files: CSV, npz, HDF5, MAT, UFF, TDMS or LVM.
+
+Lists what each file holds (records, groups, structs; rate, unit label, peak), asks what neither the files nor the
+answers say, cuts a continuous record of hammer hits into one run per hit, and writes a campaign.toml in which every
+assumption is marked "# GUESSED: why". Nothing in a data file is changed; the files are copied.
+
+Answers can be given beforehand (--answers), in TOML, keys as in a campaign:
+
+  [rig]
+  topology = "two-inertia"
+  reduction_ratio = 141.0
+  [run]                          # for every run
+  experiment = "hammer"
+  arm_angle = 0.0
+  together = false               # true: all files are devices of one and the same run
+  [files."take1.csv"]            # for the runs of one file
+  sampling_rate = 2048.0
+  [columns.ch1]                  # for a column, in whatever file
+  quantity = "force"
+  unit = "N"
+  location = "arm"
+  radius = 0.8
+  [columns.temperature]
+  ignore = true
+
+examples:
+  jointscope new hits.tdms --out bench
+  jointscope new take1.csv take2.csv --answers bench.toml --yes --out bench
+  jointscope new hits.lvm --list
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jointscope.recordings.draft.records import Record
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("files", metavar="FILES", nargs="+", type=Path, help="data files")
+    parser.add_argument("--out", metavar="CAMPAIGN", type=Path, help="directory to make; must not exist yet")
+    parser.add_argument("--answers", metavar="TOML", type=Path, help="answers given beforehand")
+    parser.add_argument("--rate", metavar="HZ", type=float, help="sampling rate of files that don't say it")
+    parser.add_argument("--yes", action="store_true", help="ask nothing: guess, and mark the guesses")
+    parser.add_argument("--list", action="store_true", help="only list what the files hold")
+    parser.add_argument("--json", action="store_true", help="what was found and made, as JSON; asks nothing")
+
+
+def run(options: argparse.Namespace) -> int:
+    """List, ask, write."""
+    from jointscope.errors import InputError
+    from jointscope.recordings.draft.records import listing, records_of
+
+    for path in options.files:
+        if not path.is_file():
+            raise InputError(path, None, "no such file")
+    records = tuple(record for path in options.files for record in records_of(path))
+    if not options.json:
+        print("\n".join(listing(records)))
+    made = None
+    if not options.list:
+        if options.out is None:
+            raise InputError("--out", None, "missing", fix="name the directory to make, or say --list")
+        made = _make(options, records)
+    if options.json:
+        print(json.dumps({"files": [_record_json(record) for record in records], **(made or {})}, indent=2))
+    elif made is not None:
+        _report(made, options.out)
+    return 0
+
+
+def _make(options: argparse.Namespace, records: Sequence[Record]) -> dict[str, Any]:
+    import shutil
+
+    from jointscope.atomic import new_directory
+    from jointscope.errors import InputError
+    from jointscope.recordings.draft.drafting import draft_campaign, read_answers
+    from jointscope.recordings.draft.text import draft_text
+    from jointscope.recordings.reader import read_campaign
+
+    answers = read_answers(options.answers)
+    if options.rate is not None:
+        answers["run"] = {"sampling_rate": options.rate, **answers.get("run", {})}
+    names = _names(options.files)
+    ask = None if options.yes or options.json or not sys.stdin.isatty() else _ask
+    rig, runs, unplaced = draft_campaign(records, names, answers, ask)
+    if not runs:
+        raise InputError(
+            options.files[0], None, "no column that could be placed", fix="say what they measure in --answers"
+        )
+    text = draft_text(str(answers.get("title", options.out.name)), rig, runs, unplaced)
+    with new_directory(options.out) as folder:
+        for path, name in names.items():
+            shutil.copyfile(path, folder / name)
+        (folder / "campaign.toml").write_text(text, encoding="utf-8")
+        read_campaign(folder)
+    return {
+        "campaign": str(options.out),
+        "runs": [run.keys.values["id"] for run in runs],
+        "guesses": text.count("# GUESSED: ") - text.count('"# GUESSED: ...'),
+        "unplaced": unplaced,
+    }
+
+
+def _names(files: Sequence[Path]) -> dict[Path, str]:
+    """File names inside the campaign, each once."""
+    names: dict[Path, str] = {}
+    for path in files:
+        name, count = path.name, 1
+        while name in names.values():
+            count += 1
+            name = f"{path.stem}-{count}{path.suffix}"
+        names[path] = name
+    return names
+
+
+def _ask(question: str, usual: str) -> str:
+    shown = f" [{usual}]" if usual else ""
+    try:
+        return input(f"{question}{shown} ").strip()
+    except EOFError:
+        return ""
+
+
+def _record_json(record: Record) -> dict[str, Any]:
+    from jointscope.recordings.draft.records import peak
+
+    return {
+        "file": str(record.file),
+        "record": record.name,
+        "samples": record.length,
+        "sampling_rate_hz": record.rate,
+        "time": record.time,
+        "columns": [{"name": c.name, "unit": c.unit, "peak": peak(c)} for c in record.columns],
+    }
+
+
+def _report(made: dict[str, Any], out: Path) -> None:
+    runs = made["runs"]
+    print(
+        f"\n{out}: {len(runs)} run{'s' if len(runs) > 1 else ''}, {made['guesses']} guesses marked in campaign.toml"
+    )
+    if made["unplaced"]:
+        print(f"left out, because nothing says what they measure: {', '.join(made['unplaced'])}")
+    print(f"next: check the lines marked GUESSED, then jointscope inspect {out}")
