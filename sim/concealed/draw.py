@@ -168,7 +168,7 @@ def _single(
     for attempt in range(3):
         laws = pool if attempt < 2 or not fallback else fallback
         effect = _start(laws[int(rng.integers(len(laws)))], bench.setting, rng)
-        against = rival_directions(yard, bench, effect.label, rng)
+        against = rival_directions(yard, bench, effect, rng)
         effect, measured = scale_to(yard, bench, effect, against, target)
         if best is None or measured.z_d > best[1].z_d:
             best = ((effect,), measured)
@@ -212,26 +212,33 @@ def _next_share(tried: Sequence[tuple[float, float]], wanted: float, decades: fl
 
 
 def rival_directions(
-    yard: strength.Yardstick, bench: Bench, label: str, rng: np.random.Generator
+    yard: strength.Yardstick, bench: Bench, effect: Effect, rng: np.random.Generator
 ) -> dict[str, Real]:
-    """What the look-alikes of ``label`` would add, each in one or two shapes."""
-    out: dict[str, Real] = {}
-    for rival in catalogue.rivals(label):
+    """What the look-alikes of ``effect`` would add; the three that come nearest in two more shapes and sizes."""
+    r, _ = strength.residual(yard, (effect,))
+    found: dict[str, list[Real]] = {}
+    pools: dict[str, list[Law]] = {}
+    for rival in catalogue.rivals(effect.label):
         laws = [
             law for law in catalogue.laws("development")
             if f"{law.effect}@{law.location}" == rival and not law.departs and law.applies(bench.setting)
         ]  # fmt: skip
-        if not laws:
-            continue
-        first = _start(laws[int(rng.integers(len(laws)))], bench.setting, rng)
-        tried = [first]
-        if "frequency" in first.values or "order" in first.values:
-            tried.append(_start(laws[int(rng.integers(len(laws)))], bench.setting, rng))
-        columns = [strength.direction(yard, effect) for effect in tried]
-        out[rival] = np.column_stack(
-            [column for column in columns if np.linalg.norm(column) > 0.0] or [columns[0]]
-        )
-    return out
+        if laws:
+            pools[rival] = laws
+            found[rival] = [_direction(yard, bench, laws, 0.5, rng)]
+    nearest = sorted(found, key=lambda rival: strength.left_over(r, np.column_stack(found[rival])))[:3]
+    for rival in nearest:
+        found[rival] += [_direction(yard, bench, pools[rival], share, rng) for share in (0.25, 0.7)]
+    return {rival: np.column_stack(columns) for rival, columns in found.items()}
+
+
+def _direction(
+    yard: strength.Yardstick, bench: Bench, laws: Sequence[Law], share: float, rng: np.random.Generator
+) -> Real:
+    law = laws[int(rng.integers(len(laws)))]
+    low, high = law.span(bench.setting)
+    effect = Effect(law, law.shape(bench.setting, rng)).scaled(log_between(low, high, share))
+    return strength.direction(yard, effect)
 
 
 def _pair(

@@ -112,7 +112,7 @@ def _coulomb(side: int) -> list[Law]:
             "torque": 0.0,
             "asymmetry": float(rng.uniform(-0.15, 0.15)) if lopsided else 0.0,
             "width": float(setting.speed * 10.0 ** rng.uniform(-3.5, -2.5)),
-            "presliding": float(setting.windup * 10.0 ** rng.uniform(-1.5, -0.5)),
+            "presliding": float(setting.windup * 10.0 ** rng.uniform(-2.3, -1.3)),
         }
 
     def limits(values: Values) -> tuple[float, float]:
@@ -147,7 +147,7 @@ def _stribeck(side: int) -> list[Law]:
             "torque": 0.0,
             "rise": float(rng.uniform(0.2, 0.8)),
             "stribeck_velocity": float(setting.speed * 10.0 ** rng.uniform(-1.5, -0.5)),
-            "presliding": float(setting.windup * 10.0 ** rng.uniform(-1.5, -0.7)),
+            "presliding": float(setting.windup * 10.0 ** rng.uniform(-2.0, -1.2)),
         }
 
     def exact(values: Values, setting: Setting, moment: Moment) -> Slot:

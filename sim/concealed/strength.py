@@ -266,6 +266,13 @@ def direction(yard: Yardstick, rival: Effect) -> Real:
     return off(yard.tangents, _whiten(misfit, yard.weights) - yard.origin)
 
 
+def left_over(r: Real, directions: Real) -> float:
+    """|r| off the given directions, shape (n, m) [standard deviations of the runs used]."""
+    if not np.any(directions):
+        return float(np.linalg.norm(r))
+    return float(np.linalg.norm(off(_orthonormal(directions), r)))
+
+
 def measure(yard: Yardstick, effects: Sequence[Effect], against: Mapping[str, Real]) -> Strength:
     """z and z_d of ``effects``; ``against`` holds each rival's directions, shape (n, m)."""
     r, materiality = residual(yard, effects)
@@ -273,7 +280,7 @@ def measure(yard: Yardstick, effects: Sequence[Effect], against: Mapping[str, Re
     z = float(np.linalg.norm(r) * factor)
     nearest, z_d = "", z
     for label, directions in against.items():
-        left = float(np.linalg.norm(off(_orthonormal(directions), r)) * factor)
+        left = left_over(r, directions) * float(factor)
         if left < z_d:
             nearest, z_d = label, left
     return Strength(z=z, z_d=z_d, nearest=nearest, materiality=materiality)
