@@ -11,9 +11,12 @@ from jointscope.experiments.single_joint.bench import Bench
 from jointscope.identification.model_file import BaseModel
 from jointscope.models.parameters import Rig
 from jointscope.prediction.base_model import ChannelPrediction, RunPrediction, predict_run
+from jointscope.prediction.closed_form import predicted_spectrum
 from jointscope.prediction.scores import PAPER_BANDS, BandScore, band_score
 from jointscope.prediction.spectra import Spectrum, spectrum
 from jointscope.prediction.torque_log import TorqueLog
+from jointscope.prediction.uncertainty import parameter_bands
+from jointscope.recordings.bandlimited import resampled
 from jointscope.recordings.campaign import Run
 
 Real = NDArray[np.float64]
@@ -33,16 +36,24 @@ class Accuracy:
         experiment: Its kind.
         score: Over the bins where the truth stands 30 dB above the noise that the recorded inputs carry into the prediction.
         truth: Spectrum of the noise-free acceleration [m/s^2].
+        measured: Likewise, of the recorded acceleration.
         predicted: Likewise, from the recorded inputs.
+        parameter_sd: What the parameters' covariance does to the predicted magnitude, one standard deviation [m/s^2].
         noise: Of the prediction, magnitude per bin [m/s^2].
+        product: The paper's own form: the logged torque's spectrum times the transfer function (11).
+        product_score: Its score over the same bins.
     """
 
     run: str
     experiment: str
     score: BandScore
     truth: Spectrum
+    measured: Spectrum
     predicted: Spectrum
+    parameter_sd: Real
     noise: Real
+    product: Spectrum
+    product_score: BandScore
 
     @property
     def holds(self) -> bool:
@@ -69,7 +80,10 @@ def true_model(model: BaseModel, rig: Rig) -> BaseModel:
 def measure(model: BaseModel, rig: Rig, recorded: Run, truth: Run, log: TorqueLog | None = None) -> Accuracy:
     """Predict ``recorded`` from its inputs with ``model`` and compare with the noise-free ``truth``."""
     perfect = true_model(model, rig)
-    predicted = acceleration(predict_run(model, recorded, log=log))
+    prediction = predict_run(model, recorded, log=log)
+    predicted = acceleration(prediction)
+    place = prediction.channels.index(predicted)
+    band = parameter_bands(model, recorded, prediction, log=log)[place]
     noisy = acceleration(predict_run(perfect, recorded))
     clean = acceleration(predict_run(perfect, truth))
     actual = truth.select("linear-acceleration")[0]
@@ -77,6 +91,7 @@ def measure(model: BaseModel, rig: Rig, recorded: Run, truth: Run, log: TorqueLo
     T, P = spectrum(actual.samples, rate), spectrum(predicted.values, rate)
     power = np.abs(spectrum(noisy.values - clean.values, rate).amplitude) ** 2
     power = np.convolve(power, np.ones(9) / 9.0, mode="same")  # one draw's power scatters from bin to bin
+    product = _product(model, recorded, actual.channel.radius or 1.0)
     low, high = PAPER_BANDS[recorded.experiment][0]
     mask = np.abs(T.amplitude) ** 2 > CLEARANCE * power if log is None else None
     return Accuracy(
@@ -84,9 +99,20 @@ def measure(model: BaseModel, rig: Rig, recorded: Run, truth: Run, log: TorqueLo
         experiment=recorded.experiment,
         score=band_score(T, P, low, high, mask),
         truth=T,
+        measured=spectrum(recorded.select("linear-acceleration")[0].samples, rate),
         predicted=P,
+        parameter_sd=band.of_magnitude(predicted.values, rate),
         noise=np.sqrt(power),
+        product=product,
+        product_score=band_score(T, product, low, high, mask),
     )
+
+
+def _product(model: BaseModel, run: Run, radius: float) -> Spectrum:
+    """(11): the logged torque's spectrum, on the accelerometer's clock, times the transfer function [m/s^2]."""
+    torque, sensor = run.select("torque", location="motor")[0], run.select("linear-acceleration")[0]
+    on_clock = resampled(torque.samples, torque.sampling_rate, torque.stream.start, sensor.times)
+    return predicted_spectrum(model, spectrum(on_clock, sensor.sampling_rate), radius)
 
 
 def accuracies(model: BaseModel, bench: Bench) -> tuple[Accuracy, ...]:

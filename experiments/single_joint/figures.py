@@ -174,11 +174,16 @@ def vibration_figure(found: Accuracy, number: int, what: str, out: Path) -> None
     f = found.truth.frequency
     shown = (f >= 0.5) & (f <= TOP)
     truth, predicted = np.abs(found.truth.amplitude[shown]), np.abs(found.predicted.amplitude[shown])
-    error = 20.0 * np.log10(np.maximum(predicted, 1e-300) / np.maximum(truth, 1e-300))
+    measured, product = np.abs(found.measured.amplitude[shown]), np.abs(found.product.amplitude[shown])
+    error, product_error = (
+        20.0 * np.log10(np.maximum(p, 1e-300) / np.maximum(truth, 1e-300)) for p in (predicted, product)
+    )
+    sd = 1.96 * found.parameter_sd[shown]
     write_csv(
         out / f"figure-{number}.csv",
         {
-            "frequency_Hz": f[shown], "true_m_s2": truth, "predicted_m_s2": predicted, "error_dB": error,
+            "frequency_Hz": f[shown], "true_m_s2": truth, "measured_m_s2": measured, "predicted_m_s2": predicted,
+            "error_dB": error, "parameter_sd_m_s2": found.parameter_sd[shown], "product_11_m_s2": product,
             "carried_noise_m_s2": found.noise[shown],
         },
     )  # fmt: skip
@@ -186,11 +191,13 @@ def vibration_figure(found: Accuracy, number: int, what: str, out: Path) -> None
     with style():
         figure = Figure(figsize=(9.0, 5.4), layout="constrained")
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-        top.semilogy(f[shown], truth, color=MEASURED, lw=2.0, label="MuJoCo's truth")
+        top.semilogy(f[shown], measured, color=QUIET, lw=0.7, label="measured")
+        top.semilogy(f[shown], truth, color=MEASURED, lw=2.0, label="truth, free of noise")
+        top.semilogy(f[shown], product, color=THIRD, lw=0.8, label="torque's spectrum times G_a (11)")
+        top.semilogy(f[shown], predicted, color=PREDICTED, ls="--", lw=1.0, label="predicted, motion integrated")
         top.semilogy(
-            f[shown], predicted, color=PREDICTED, ls="--", lw=1.0, label="predicted from the logged torque (11)"
+            f[shown], found.noise[shown], color=QUIET, lw=0.8, ls=":", label="noise that the log carries in"
         )
-        top.semilogy(f[shown], found.noise[shown], color=QUIET, lw=0.8, label="noise that the log carries in")
         top.axvspan(s.low, s.high, color=BAND, alpha=0.2, lw=0)
         top.set_ylabel("arm acceleration [m/s^2]")
         top.set_title(
@@ -198,7 +205,13 @@ def vibration_figure(found: Accuracy, number: int, what: str, out: Path) -> None
             f"FRAC {s.frac:.5f}, over {100 * s.share:.0f} % of the bins"
         )
         top.legend(ncols=3)
+        relative = 20.0 / np.log(10.0) * sd / np.maximum(predicted, 1e-300)
+        bottom.fill_between(
+            f[shown], -relative, relative, color=BAND, lw=0, label="95 % from the parameters alone"
+        )
+        bottom.plot(f[shown], product_error, color=THIRD, lw=0.6)
         bottom.plot(f[shown], error, color=PREDICTED, lw=0.8)
+        bottom.legend(loc="upper left")
         bottom.axhline(0.0, color=QUIET, lw=0.8)
         bottom.set_ylim(-3.0, 3.0)
         bottom.set_ylabel("error [dB]")
