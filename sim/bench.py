@@ -30,6 +30,7 @@ class Setup:
         motor_angle: q_s [rad].
         holding_torque: Motor torque that acts at rest [N m]; 0 with the brake on.
         physics: What is added to the base rig.
+        speeds: At the start [rad/s], shape (nv,), where it does not begin at rest.
     """
 
     machine: Machine
@@ -37,6 +38,7 @@ class Setup:
     motor_angle: float
     holding_torque: float
     physics: Physics
+    speeds: Real | None = None
 
 
 def set_up(
@@ -81,11 +83,13 @@ def take(
     free = "motor" in machine.inputs
     actuation = physics.actuation(machine.timestep) if physics.actuation and free else None
     if law is None and actuation is None and controller is None:
-        return step(machine, setup.start, inputs)
+        return step(machine, setup.start, inputs, speeds=setup.speeds)
     if actuation is not None:
         command = holding_command(setup)
         _settle(actuation, command, machine.timestep)
-    return march(machine, setup.start, inputs, controller=controller, actuation=actuation, law=law)
+    return march(
+        machine, setup.start, inputs, controller=controller, actuation=actuation, law=law, speeds=setup.speeds
+    )
 
 
 def holding_command(setup: Setup) -> float:

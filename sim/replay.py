@@ -2,8 +2,8 @@
 
 The model must carry the names of the rig (``models/rig.py``); bodies, tendons and friction beyond them are stepped as
 they stand in the file, and :class:`Physics` adds what MJCF can't say. A single inertia's file has no joint ``motor``:
-there ``reducer`` is the load's own coordinate. Runs start at rest at their arm angle; what a run that began in motion
-(``initial = "estimate"``) shows before its transient has died is not predicted.
+there ``reducer`` is the load's own coordinate. Runs start at rest at their arm angle, or (``initial = "estimate"``) with
+the speed that their first samples show; what they show before that transient has died is not predicted.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from jointscope.sim.replay_inputs import (
     Torque,
     arm_forces,
     hammer_radius,
+    initial_speed,
     logged_torque,
     record_of,
     speed_law,
@@ -132,6 +133,7 @@ def replay_run(
     setup = _single(spec, campaign, run, held, timestep, physics) if single else set_up(
         spec, run.arm_angle, timestep, braked=held, physics=physics
     )  # fmt: skip
+    setup = replace(setup, speeds=_speeds(setup, initial_speed(campaign, run)))
     origin = min((stream.start for stream in run.streams), default=0.0)
     times = grid(_duration(run, origin, timestep), timestep)
 
@@ -187,6 +189,16 @@ def _single(
     start = np.zeros(free.model.nq)
     start[free.model.joint("reducer").qposadr[0]] = run.arm_angle
     return Setup(free, start, 0.0, 0.0, physics)
+
+
+def _speeds(setup: Setup, speed: float) -> Real | None:
+    """The whole rig at ``speed`` [rad/s], on its first coordinate."""
+    if speed == 0.0:
+        return None
+    model = setup.machine.model
+    speeds = np.zeros(model.nv)
+    speeds[model.joint("motor" if "motor" in setup.machine.inputs else "reducer").dofadr[0]] = speed
+    return speeds
 
 
 def _duration(run: Run, origin: float, timestep: float) -> float:

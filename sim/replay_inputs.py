@@ -121,6 +121,26 @@ def hammer_radius(run: Run) -> float | None:
     return next(iter(forces), None)
 
 
+def initial_speed(campaign: Campaign, run: Run) -> float:
+    """Speed of the rig at the output [rad/s or m/s] where a run says that it began in motion; else 0.
+
+    From the first samples of what it recorded of its motion, the one use of an output: the slope of an angle over at
+    most 25 samples and 0.1 s, or the first value of a speed.
+    """
+    if run.initial != "estimate":
+        return 0.0
+    for kinds, order in ((("angle", "position"), 1), (("angular-velocity", "velocity"), 0)):
+        for location in ("motor", "arm", "load"):
+            for signal in run.select(role="output"):
+                if signal.channel.quantity not in kinds or signal.channel.location != location:
+                    continue
+                n = (campaign.rig.reduction_ratio or 1.0) if location == "motor" else 1.0
+                count = min(25, max(2, int(0.1 * signal.sampling_rate) + 1)) if order else 1
+                first = signal.samples[:count] / n
+                return float(np.polyfit(signal.times[:count], first, 1)[0]) if order else float(first[0])
+    return 0.0
+
+
 def record_of(signal: Signal) -> Record:
     """A channel as a function of time."""
     return bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)

@@ -126,18 +126,21 @@ def centre_damping(spec: mujoco.MjSpec, timestep: float) -> None:
             element.armature += 0.5 * timestep * element.damping[0]
 
 
-def step(machine: Machine, start: Real, inputs: Real, law: ForceLaw | None = None) -> Trace:
-    """Step over ``inputs`` from rest.
+def step(
+    machine: Machine, start: Real, inputs: Real, law: ForceLaw | None = None, speeds: Real | None = None
+) -> Trace:
+    """Step over ``inputs``.
 
     Args:
         machine: The compiled model.
-        start: Angles at t = 0 [rad], shape (nq,); the speeds are zero.
+        start: Angles at t = 0 [rad], shape (nq,).
         inputs: Control at t_k = k h, shape (n, number of actuators).
         law: Forces beyond the model.
+        speeds: At t = 0 [rad/s], shape (nv,); zero where none are given.
     """
     if law is not None:
-        return march(machine, start, inputs, law=law)
-    data = at_rest(machine.model, start)
+        return march(machine, start, inputs, law=law, speeds=speeds)
+    data = begin(machine.model, start, speeds)
     state = np.empty(mujoco.mj_stateSize(machine.model, _FULL_STATE))
     mujoco.mj_getState(machine.model, data, state, _FULL_STATE)
     padded = np.concatenate([inputs, inputs[-1:]])  # one step more: a velocity is centred by its successor
@@ -145,10 +148,12 @@ def step(machine: Machine, start: Real, inputs: Real, law: ForceLaw | None = Non
     return read_out(machine, inputs, sensors[0])
 
 
-def at_rest(model: mujoco.MjModel, start: Real) -> mujoco.MjData:
-    """Fresh data at angles ``start`` [rad], shape (nq,), with every tendon that yields relaxed there."""
+def begin(model: mujoco.MjModel, start: Real, speeds: Real | None = None) -> mujoco.MjData:
+    """Fresh data at angles ``start`` [rad], shape (nq,), and ``speeds``; every tendon that yields is relaxed there."""
     data = mujoco.MjData(model)
     data.qpos[:] = start
+    if speeds is not None:
+        data.qvel[:] = speeds
     if model.nplastic:
         mujoco.mj_fwdPosition(model, data)
         relax(model, data)
@@ -170,19 +175,21 @@ def march(
     controller: Controller | None = None,
     actuation: Actuation | None = None,
     law: ForceLaw | None = None,
+    speeds: Real | None = None,
 ) -> Trace:
     """Step by step in Python, for what reacts to the motion.
 
     Args:
         machine: The compiled model.
-        start: Angles at t = 0 [rad], shape (nq,); the speeds are zero.
+        start: Angles at t = 0 [rad], shape (nq,).
         inputs: Control at t_k, shape (n, number of actuators).
         controller: Replaces the input of the actuator ``motor``.
         actuation: Between the motor's command and the torque that acts.
         law: Forces beyond the model; it is given speeds at t_k, extrapolated from t_k - h/2 with the last acceleration.
+        speeds: At t = 0 [rad/s], shape (nv,); zero where none are given.
     """
     model, h = machine.model, machine.timestep
-    data = at_rest(model, start)
+    data = begin(model, start, speeds)
     n = len(inputs)
     commanded = np.concatenate([inputs, inputs[-1:]])
     motor = machine.inputs.get("motor", -1)

@@ -129,7 +129,8 @@ _CONTACT_SHARE, _CONTACT_NOISE, _CONTACT_MARGIN, _LONGEST_CONTACT = 0.005, 6.0, 
 def _contact_only(signal: Signal, record: Record, run: Run) -> Record:
     """A hammer pushes in contact only: elsewhere its cell's noise is no force. Other forces stay as they are."""
     samples = signal.samples
-    if run.experiment != "hammer" or signal.channel.quantity != "force" or samples.size < 64:
+    hammer = run.experiment == "hammer" and signal.channel.quantity == "force" and signal.channel.location == "arm"
+    if not hammer or samples.size < 64:
         return record
     finite = samples[np.isfinite(samples)]
     rest = float(np.median(finite))
