@@ -16,7 +16,9 @@ from jointscope.sim.concealed.seal import SealError, folder_digest, open_seal, s
 OPENINGS = "openings.json"
 
 
-def prove(folder: Path, out: Path, *, workers: int, limit: float, first: int | None) -> dict[str, Any]:
+def prove(
+    folder: Path, out: Path, *, workers: int, limit: float, first: int | None, scheduler: str | None = None
+) -> dict[str, Any]:
     """Diagnose the draw in ``folder``, then open its seal and score; the summary, also written into ``out``.
 
     Args:
@@ -24,6 +26,7 @@ def prove(folder: Path, out: Path, *, workers: int, limit: float, first: int | N
         out: Results; an interrupted proof goes on from them.
         workers: Processes.
         limit: Time for one case [s].
+        scheduler: Address of a Dask scheduler, instead of local processes.
         first: Only this many cases, in the order of their names (which are random); ``None`` for all.
 
     Raises:
@@ -32,7 +35,7 @@ def prove(folder: Path, out: Path, *, workers: int, limit: float, first: int | N
     seal = sealed_digest(folder)
     diagnosing.claim(out, seal)
     names = diagnosing.cases_of(folder)[:first]
-    answers = diagnosing.diagnose_all(folder, out, names, workers=workers, limit=limit)
+    answers = diagnosing.diagnose_all(folder, out, names, workers=workers, limit=limit, scheduler=scheduler)
     truth = open_seal(folder, seal)
     openings = _count_opening(folder, seal)
     judged = []

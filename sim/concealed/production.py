@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from jointscope.atomic import replaced_file, write_text
-from jointscope.errors import InputError, JointscopeError
+from jointscope.errors import InputError, JointscopeError, MissingExtraError
 from jointscope.progress import track
 from jointscope.sim.concealed.draw import Order, case_name, make_case
 from jointscope.sim.concealed.seal import seal, unseal, write_seal
@@ -19,8 +19,14 @@ ORDER = "draw.json"
 PARTS = ".parts"
 
 
-def produce(order: Order, folder: Path, workers: int) -> str:
+def produce(order: Order, folder: Path, workers: int, scheduler: str | None = None) -> str:
     """Write ``order``'s cases into ``folder`` and seal their truth; finished cases are kept when it is run again.
+
+    Args:
+        order: What is asked for.
+        folder: Where; with a ``scheduler`` its workers have to see it.
+        workers: Processes on this machine.
+        scheduler: Address of a Dask scheduler, instead of local processes.
 
     Returns:
         SHA-256 of the seal.
@@ -32,7 +38,8 @@ def produce(order: Order, folder: Path, workers: int) -> str:
     _claim(order, folder)
     (folder / PARTS).mkdir(exist_ok=True)
     todo = [i for i in range(order.cases) if not _finished(folder, case_name(order, i))]
-    failed = [said for said in track(_work(order, folder, todo, workers), "concealing", len(todo)) if said]
+    work = _cluster(order, folder, todo, scheduler) if scheduler else _local(order, folder, todo, workers)
+    failed = [said for said in track(work, "concealing", len(todo)) if said]
     if failed:
         raise JointscopeError(f"{len(failed)} of {order.cases} cases failed, the others are kept: {failed[0]}")
     cases = {}
@@ -81,7 +88,7 @@ def _one(task: tuple[Order, int, str]) -> str:
     return ""
 
 
-def _work(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator[str]:
+def _local(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator[str]:
     tasks = [(order, index, str(folder)) for index in todo]
     if workers <= 1 or len(tasks) <= 1:
         yield from map(_one, tasks)
@@ -89,3 +96,14 @@ def _work(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     with multiprocessing.get_context("spawn").Pool(min(workers, len(tasks))) as pool:
         yield from pool.imap_unordered(_one, tasks)
+
+
+def _cluster(order: Order, folder: Path, todo: list[int], scheduler: str) -> Iterator[str]:
+    try:
+        from dask.distributed import Client, as_completed
+    except ImportError:
+        raise MissingExtraError("a Dask cluster", "cluster") from None
+    with Client(scheduler) as client:  # type: ignore[no-untyped-call]
+        tasks = [(order, index, str(folder.resolve())) for index in todo]
+        for job in as_completed(client.map(_one, tasks, pure=False)):  # type: ignore[no-untyped-call]
+            yield job.result()

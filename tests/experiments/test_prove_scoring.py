@@ -179,14 +179,13 @@ def test_results_of_another_seal_are_not_mixed_in(tmp_path):
         prove(tmp_path / "draw", out, workers=1, limit=10.0, first=None)
 
 
-def test_a_process_that_dies_or_hangs_is_a_wrong_answer(tmp_path, monkeypatch):
+def test_a_process_that_dies_or_hangs_is_a_wrong_answer(tmp_path):
     """A campaign that isn't one crashes its diagnosis and nothing else; a limit of no time runs out."""
     (tmp_path / "draw" / "x").mkdir(parents=True)
     (tmp_path / "draw" / "x" / "campaign.toml").write_text("nonsense = true\n")
     found = diagnosing.diagnose_all(tmp_path / "draw", tmp_path / "out", ["x"], workers=1, limit=60.0)
     assert found[0].status == "crashed"
     assert "exit code 2" in found[0].message
-    monkeypatch.setattr(diagnosing, "FIRST_CASE_EXTRA", 0.0)
     late = diagnosing.diagnose_all(tmp_path / "draw", tmp_path / "late", ["x"], workers=1, limit=0.01)
     assert late[0].status == "timed-out"
 

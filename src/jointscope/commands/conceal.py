@@ -31,6 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="new folder, or one to go on with")
     parser.add_argument("--kind", choices=KINDS, default="mixed", help="what the cases conceal (default: mixed)")
     parser.add_argument("--draw", choices=DRAWS, default="test", help="whose laws and ranges (default: test)")
+    parser.add_argument("--scheduler", default=None, help="Dask scheduler, tcp://host:port, whose workers see OUT")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
 
 
@@ -40,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     from jointscope.sim.concealed.production import produce
 
     order = Order(seed=options.seed, cases=options.cases, kind=options.kind, draw=options.draw)
-    found = produce(order, options.out, options.workers)
+    found = produce(order, options.out, options.workers, options.scheduler)
     print(f"{options.out}: {options.cases} campaigns, their truth sealed in truth.sealed")
     print(f"sha256 {found}")
     return 0

@@ -2,6 +2,7 @@
 
   jointscope conceal --seed 7 --cases 60 --out out/draw
   jointscope prove out/draw --out out/proof
+  jointscope prove out/draw --out out/proof --scheduler tcp://10.0.0.5:8786
 
 Every campaign of the draw is diagnosed by 'jointscope diagnose' in a process of its own, on a copy away from the
 seal. Only then is the seal opened, after its SHA-256 was compared with the one at the start; a changed seal or
@@ -31,6 +32,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--limit", type=int, default=None, metavar="K", help="only the first K cases")
     parser.add_argument("--seconds", type=float, default=300.0, help="time limit of one case (default: 300)")
+    parser.add_argument(
+        "--scheduler", default=None, help="Dask scheduler, tcp://host:port, whose workers see DRAW"
+    )
     parser.add_argument("--json", action="store_true", help="print summary.json instead of the table")
 
 
@@ -43,7 +47,14 @@ def run(options: argparse.Namespace) -> int:
 
     folder = Path(options.draw)
     out = options.out or folder.with_name(folder.name + "-proof")
-    summary = prove(folder, out, workers=options.workers, limit=options.seconds, first=options.limit)
+    summary = prove(
+        folder,
+        out,
+        workers=options.workers,
+        limit=options.seconds,
+        first=options.limit,
+        scheduler=options.scheduler,
+    )
     if options.json:
         print(json.dumps(summary, indent=1, sort_keys=True))
         return 0
