@@ -80,7 +80,8 @@ def _measured(first: Signal, second: Signal, run: Run, rig: Nameplate, band: flo
     if grid is None:
         return None
     if band is None:
-        return lag_between(on_grid(first, grid), on_grid(second, grid), grid)
+        # differences, because a slow signal's correlation leans towards no lag at all
+        return lag_between(np.diff(on_grid(first, grid)), np.diff(on_grid(second, grid)), grid)
     if band > 0.4 * grid.rate:
         return None
     order = max(ORDER[first.channel.quantity], ORDER[second.channel.quantity])

@@ -111,6 +111,8 @@ def _best(
             distance = round(_distance(relations, correction), 1)
             likely.append((after, correction.rank, distance, _seat(correction.signals[0]), correction))
     likely.sort(key=lambda entry: entry[:4])
+    if rig.plane == "horizontal" and likely:
+        return likely[0][4] if likely[0][0] <= before - 0.5 else None
     ranked = []
     for _, rank, distance, seat, correction in likely[:_TRIED]:
         after = _badness(build(_mended(run, correction)))  # gains are not quite linear where gravity acts
@@ -121,7 +123,7 @@ def _best(
 
 def _distance(relations: Sequence[Relation], correction: Correction) -> float:
     touched = [r for r in relations if any(_same(p.signal, s) for p in r.parties for s in correction.signals)]
-    return sum(abs(math.log(abs(_corrected(r, correction)) / r.centre)) for r in touched if math.isfinite(r.high))
+    return sum(abs(math.log(abs(_corrected(r, correction)))) for r in touched if math.isfinite(r.high))
 
 
 def _candidates(
@@ -199,7 +201,7 @@ def _finding(run: Run, signal: Signal, correction: Correction, why: Relation, ri
     if correction.factor == -1.0:
         detail = f"moves against the rest ({why.says}); reversed, all agree"
         return Finding("inverted-polarity", run.id, channel.column, detail, line)
-    size = abs(why.gain / why.centre)
+    size = abs(why.gain)
     size = size if size >= 1.0 else 1.0 / size
     detail = f"off by a factor of {size:.4g} ({why.says}); times {correction.name} all agree"
     return Finding("suspicious-unit", run.id, channel.column, detail, line)
@@ -250,7 +252,7 @@ def _off_the_list(run: Run, failing: Sequence[Relation], relations: Sequence[Rel
     """A drive's torque or current far off without a listed factor: most likely a share of a rated value."""
     for relation in failing:
         drive = next((p.signal for p in relation.parties if p.exponent == 1 and _is_share(p.signal)), None)
-        gain = abs(relation.gain / relation.centre)
+        gain = abs(relation.gain)
         if drive is None or not math.isfinite(relation.high) or 1.0 / _OFF_THE_LIST < gain < _OFF_THE_LIST:
             continue
         # the torque that holds the arm says it more exactly than the inertia, unless friction holds it too
@@ -259,7 +261,7 @@ def _off_the_list(run: Run, failing: Sequence[Relation], relations: Sequence[Rel
             for r in relations
             if not r.hard and [p.signal.channel for p in r.parties] == [drive.channel]
         ]
-        gain = next((g for g in alone if abs(math.log(g / gain)) < 0.2), gain)
+        gain = next((g for g in alone if relation.holds(gain / g)), gain)
         channel = drive.channel
         key, unit = ("rated_torque", "N m") if channel.quantity == "torque" else ("rated_current", "A")
         rated = 1000.0 / gain * si_factor(channel)

@@ -65,11 +65,6 @@ class Relation:
         """Whether the gain, or another one, is inside the window."""
         return self.low <= (self.gain if gain is None else gain) <= self.high
 
-    @property
-    def centre(self) -> float:
-        """The middle of the window, by ratio; 1 where only the sign counts."""
-        return math.sqrt(self.low * self.high) if math.isfinite(self.high) and self.low > 0.0 else 1.0
-
 
 def run_relations(run: Run, rig: Nameplate) -> Iterator[Relation]:
     """Every relation that the run's channels carry."""
@@ -175,28 +170,44 @@ def _command(run: Run, rig: Nameplate, band: float) -> Iterator[Relation]:
             yield from _compared(motor[0], command, rig, run, band, 0.8, 1.25, says)
 
 
-def inertia_window(rig: Nameplate) -> tuple[float, float]:
-    """Smallest and largest inertia that motor and arm together can have at the output [kg m^2], by the nameplate.
+@dataclass(frozen=True)
+class InertiaRange:
+    """What the nameplate leaves possible [kg m^2]: least, likely and most; no upper bound where it is silent."""
 
-    An arm with its centre of mass at r has at least m r^2 and hardly more than three times that.
-    """
+    least: float
+    likely: float
+    most: float
+
+    @property
+    def known(self) -> bool:
+        """Whether an inertia outside is a contradiction."""
+        return math.isfinite(self.most)
+
+    def __str__(self) -> str:
+        return f"{self.least:.3g} to {self.most:.3g} kg m^2 is possible"
+
+
+def whole_inertia(rig: Nameplate) -> InertiaRange:
+    """Of motor and arm together, at the output."""
     J_M = 0.0
     if rig.motor_inertia is not None and rig.reduction_ratio is not None:
         J_M = (rig.motor_inertia + (rig.reducer_inertia or 0.0)) * rig.reduction_ratio**2
-    low, high = arm_inertia_window(rig)
-    if math.isfinite(high):
-        return (J_M + low, J_M + high) if J_M > 0.0 else (low, math.inf)
-    return (J_M, 30.0 * J_M) if J_M > 0.0 else (0.0, math.inf)
+    arm = arm_inertia(rig)
+    if J_M > 0.0 and arm.known:
+        return InertiaRange(J_M + arm.least, J_M + arm.likely, J_M + arm.most)
+    if J_M > 0.0:
+        return InertiaRange(J_M, 2.0 * J_M, 30.0 * J_M)
+    return InertiaRange(arm.least, 1.0, math.inf)
 
 
-def arm_inertia_window(rig: Nameplate) -> tuple[float, float]:
-    """The arm's alone [kg m^2]."""
+def arm_inertia(rig: Nameplate) -> InertiaRange:
+    """Of the arm alone: with its centre of mass at r at least m r^2, hardly more than three times that."""
     if rig.inertia_reference is not None:
-        return 0.8 * rig.inertia_reference, 1.25 * rig.inertia_reference
+        return InertiaRange(0.8 * rig.inertia_reference, rig.inertia_reference, 1.25 * rig.inertia_reference)
     if rig.arm_mass is not None and rig.arm_com_radius:
         least = rig.arm_mass * rig.arm_com_radius**2
-        return least, 3.0 * least
-    return 0.0, math.inf
+        return InertiaRange(least, 1.2 * least, 3.0 * least)
+    return InertiaRange(0.0, 1.0, math.inf)
 
 
 def _rigid_body(run: Run, rig: Nameplate, band: float) -> Iterator[Relation]:
@@ -216,16 +227,14 @@ def _rigid_body(run: Run, rig: Nameplate, band: float) -> Iterator[Relation]:
         inertia = _apparent_inertia(run, rig, source, lever, motion, band)
         if inertia is None:
             continue
-        low, high = inertia_window(rig)
-        known = calibrated and math.isfinite(high)
-        middle = math.sqrt(low * high) if known else 1.0
-        window = (0.8 * low / middle, 1.25 * high / middle) if known else (0.0, math.inf)
+        whole = whole_inertia(rig)
+        known = calibrated and whole.known
+        likely = whole.likely if known else 1.0
+        window = (0.8 * whole.least / likely, 1.25 * whole.most / likely) if known else (0.0, math.inf)
         unit = "kg" if rig.motion == "translational" else "kg m^2"
-        figure = f", apparent inertia {inertia:.3g} {unit}" + (
-            f" where {low:.3g} to {high:.3g} is known" if known else ""
-        )
+        figure = f", apparent inertia {inertia:.3g} {unit}" + (f" where {whole}" if known else "")
         says = f"{source.channel.column} against the acceleration of {motion.channel.column}{figure if calibrated else ''}"
-        yield Relation((Party(source, 1), Party(motion, -1)), inertia / middle, *window, says)
+        yield Relation((Party(source, 1), Party(motion, -1)), inertia / likely, *window, says)
 
 
 def _drive(run: Run, rig: Nameplate) -> tuple[Signal, float, bool] | None:
@@ -261,8 +270,11 @@ def _apparent_inertia(
     if ORDER[motion.channel.quantity] == 0:
         q = as_motion(motion, grid, rig, band, 0)
         q = q - q[0] + run.arm_angle
-        if rig.plane == "vertical" and rig.motion == "rotational" and np.ptp(q) > 0.3:
-            columns += [np.cos(q), np.sin(q)]
+        if rig.plane == "vertical" and rig.motion == "rotational":
+            if rig.arm_mass is not None and rig.arm_com_radius is not None:
+                torque = torque - rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius * np.cos(q)
+            elif np.ptp(q) > 0.3:
+                columns += [np.cos(q), np.sin(q)]
     A = np.column_stack([trimmed(c - c.mean(), grid, band) for c in columns])
     y = trimmed(torque - torque.mean(), grid, band)
     scale = np.linalg.norm(A, axis=0)
@@ -308,20 +320,19 @@ def _driving_point(
         return
     parties = (Party(response, 1), Party(force, -1))
     says = f"{response.channel.column} right after the hit of {force.channel.column}"
-    low, high = arm_inertia_window(rig)
+    arm = arm_inertia(rig)
     level = _stiffness_free_level(f, a, force.sampling_rate)
     radii = force.channel.radius and response.channel.radius
-    known = radii and math.isfinite(high) and force.channel.calibrated and response.channel.calibrated
+    known = radii and arm.known and force.channel.calibrated and response.channel.calibrated
     if not known or level is None:
         yield Relation(parties, math.copysign(1.0, correlation), 0.0, math.inf, says)
         return
     lever = float(force.channel.radius or 1.0)
     if response.channel.quantity == "linear-acceleration":
         lever *= float(response.channel.radius or 1.0)
-    middle = math.sqrt(low * high)
-    gain = math.copysign(abs(level) / lever * middle, correlation)
-    says += f", apparent inertia {lever / abs(level):.3g} kg m^2 where {low:.3g} to {high:.3g} is known"
-    yield Relation(parties, gain, 0.5 * middle / high, 2.0 * middle / low, says)
+    gain = math.copysign(abs(level) / lever * arm.likely, correlation)
+    says += f", apparent inertia {lever / abs(level):.3g} kg m^2 where {arm}"
+    yield Relation(parties, gain, 0.5 * arm.likely / arm.most, 2.0 * arm.likely / arm.least, says)
 
 
 def _stiffness_free_level(f: Real, a: Real, rate: float) -> float | None:

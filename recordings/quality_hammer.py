@@ -30,7 +30,7 @@ def hammer_findings(run: Run) -> Iterator[Finding]:
     if len(forces) == 1:
         pulses = find_pulses(forces[0].samples, forces[0].sampling_rate)
         if pulses:
-            hit = float(forces[0].times[max(pulses, key=lambda pulse: abs(pulse.height)).peak])
+            hit = float(forces[0].times[pulses[0].peak])
             for signal in run.select(role="output"):
                 if signal.channel.quantity in ("linear-acceleration", "acceleration", "angular-acceleration"):
                     yield from _response(run, signal, hit)

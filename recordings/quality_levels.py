@@ -36,7 +36,7 @@ def level_findings(run: Run, signal: Signal) -> Iterator[Finding]:
         detail = f"peak {peak:.4g} {unit} at a full scale of {channel.full_scale:.4g} {unit}: use a wider range"
         yield Finding("overload", run.id, channel.column, detail)
     step = resolution(x)
-    if span < COARSE * step:
+    if 0.0 < span < COARSE * step and _on_a_lattice(x, step):
         detail = f"spans {span / step:.0f} steps of {step:.3g} {unit}: {np.log2(span / step):.1f} bits"
         yield Finding("quantisation", run.id, channel.column, detail)
 
@@ -57,6 +57,12 @@ def resolution(x: Real) -> float:
     steps = np.diff(np.unique(x))
     steps = steps[steps > 1e-9 * float(np.ptp(x))]
     return float(steps.min()) if steps.size else 0.0
+
+
+def _on_a_lattice(x: Real, step: float) -> bool:
+    """Whether values are whole steps apart: those of a converter are, those of a short clean pulse aren't."""
+    apart = np.diff(np.unique(x)) / step
+    return bool(np.mean(np.abs(apart - np.rint(apart)) < 0.05) > 0.95)
 
 
 def longest_plateau(x: Real) -> int:

@@ -60,8 +60,7 @@ def hold_length(x: Real) -> int:
 
 def longest_stuck(x: Real) -> tuple[int, int]:
     """Start and length of the longest row of equal samples inside a signal that moves before and after it."""
-    known = np.where(np.isfinite(x), x, np.inf)
-    same = np.concatenate([[False], np.diff(known) == 0.0, [False]])
+    same = np.concatenate([[False], np.diff(x) == 0.0, [False]])
     edges = np.flatnonzero(np.diff(same.astype(np.int8)))
     step, extreme = resolution(x[np.isfinite(x)]), float(np.nanmax(np.abs(x)))
     best = (0, 1)
@@ -90,15 +89,14 @@ def _hum(run: Run, signal: Signal) -> Iterator[Finding]:
 def hum_amplitude(x: Real, rate: float, mains: float) -> float:
     """Amplitude of a steady, narrow line at ``mains`` [Hz], or 0 where there is none.
 
-    It must stand 20 dB above everything 1.5 to 6 Hz beside it, and be as strong in both halves of the record: a
-    resonance is wider, a decaying or swept one not steady.
+    It must stand 20 dB above everything 1.5 to 6 Hz beside it in the record's second half, when what was excited has
+    decayed, and be no weaker in the first: a resonance is wider, a decaying or swept one not steady.
     """
     if x.size < 4.0 * rate or rate < 2.5 * mains or not np.isfinite(x).all():
         return 0.0
     halves = [_line(part, rate, mains) for part in (x[: x.size // 2], x[x.size // 2 :])]
-    whole, beside = _line(x, rate, mains)
-    steady = min(h[0] for h in halves) > 0.7 * max(h[0] for h in halves)
-    return whole if steady and whole > 10.0 * beside else 0.0
+    (first, _), (second, beside) = halves
+    return second if first > 0.7 * second and second > 10.0 * beside else 0.0
 
 
 def _line(x: Real, rate: float, mains: float) -> tuple[float, float]:

@@ -73,7 +73,7 @@ def guess_channel(column: Column, motion: str, answers: Mapping[str, Any]) -> Dr
     quantity = draft.values["quantity"]
     _guess_unit(draft, column, unit)
     _guess_location(draft, column, motion, quantity)
-    draft.guess("role", "input" if quantity in _INPUTS else "output", f"a {quantity} usually is")
+    draft.guess("role", "input" if quantity in _INPUTS else "output", f"the usual role of {quantity}")
     if (
         quantity in ("force", "linear-acceleration")
         and motion == "rotational"

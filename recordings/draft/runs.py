@@ -31,6 +31,8 @@ class RunDraft:
 def hit_windows(force: np.ndarray[Any, np.dtype[np.float64]], rate: float) -> list[tuple[float, float]]:
     """[t0, t1] of every hit in one record, in seconds of the file: pre-trigger, hit, and its decay up to the next."""
     pulses = find_pulses(force, rate, share=LOWEST, dead_time=APART)
+    if not pulses:
+        return []
     begins = [max(0.0, pulse.first / rate - PRE_TRIGGER) for pulse in pulses]
     ends = [*begins[1:], force.size / rate]
     return [
