@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import InputError, RefusedError
-from jointscope.recordings.campaign import Campaign, Run
+from jointscope.recordings.campaign import Campaign, Run, Signal
 from jointscope.sim.bench import Setup, holding_command, set_up, take
 from jointscope.sim.measurement import Device
 from jointscope.sim.physics import BASE, Physics
@@ -32,6 +32,7 @@ from jointscope.sim.replay_inputs import (
     speed_law,
 )
 from jointscope.sim.replay_outputs import ratio, read_output
+from jointscope.sim.replay_prescribed import load_force, moved_motor, path_of, prescribed
 from jointscope.sim.stepping import TIMESTEP, Controller, Trace, grid, machine
 
 Real = NDArray[np.float64]
@@ -121,10 +122,11 @@ def replay_run(
     single = campaign.rig.topology == "single-dof"
     if campaign.rig.topology == "arm":
         raise RefusedError(f"{campaign.path}: replay steps one joint, not topology = 'arm'")
-    if run.select("angle", role="input") or run.select("position", role="input"):
-        raise RefusedError(f"run {run.id!r}: its motion is prescribed; replay drives by force, torque or command")
     spec = _load(model, single=single)
     radii = _instrument(spec, run)
+    given = prescribed(run)
+    if given is not None:
+        return _replay_prescribed(campaign, run, spec, given, physics, timestep, radii)
     if motor_torque is None:
         torque = logged_torque(campaign, run, physics.acquisition)
     else:
@@ -149,6 +151,33 @@ def replay_run(
         controller = _controller(campaign, run, loop, setup, logged, hold, times + origin, physics, torque)
     trace = physics.sensed(take(setup, columns, len(times), controller))
     return _with_outputs(campaign, run, trace, radii, origin, physics)
+
+
+def _replay_prescribed(
+    campaign: Campaign,
+    run: Run,
+    spec: mujoco.MjSpec,
+    given: Signal,
+    physics: Physics,
+    timestep: float,
+    radii: dict[float, str],
+) -> Run:
+    """A run whose motor's or load's motion is an input."""
+    origin = min((stream.start for stream in run.streams), default=0.0)
+    times = grid(_duration(run, origin, timestep), timestep) + origin
+    path = path_of(given, ratio(campaign))
+    if campaign.rig.topology == "single-dof":
+        trace = load_force(spec, path, times, timestep, physics)
+    elif given.channel.location == "motor":
+        setup, control = moved_motor(spec, path, times, timestep, physics)
+        columns: dict[str, Real | float] = dict(_loads(setup, run, times, physics))
+        trace = take(setup, {**columns, "motor": control}, len(times))
+        trace = replace(trace, inputs={k: v for k, v in trace.inputs.items() if k != "motor"})
+    else:
+        raise RefusedError(
+            f"run {run.id!r}: the arm's motion is prescribed on a two-inertia rig; replay needs the motor's, or its torque"
+        )
+    return _with_outputs(campaign, run, physics.sensed(trace), radii, origin, physics)
 
 
 def _held(campaign: Campaign, run: Run, *, driven: bool) -> bool:

@@ -68,6 +68,8 @@ def _ideal(campaign: Campaign, run: Run, signal: Signal, trace: Trace, radii: di
         name = f"{side} {_KINDS[channel.quantity]}"
         values = signals.get(name, np.zeros(len(trace.times)))  # a braked motor stands still
         return values * ratio(campaign) if at_motor else values
+    if channel.quantity in ("force", "torque", "current", "voltage") and "load force" in signals:
+        return signals["load force"] / (channel.radius or 1.0) / _per_unit(campaign, channel)
     torque = trace.inputs.get("motor", trace.inputs.get("motor on load"))
     if at_motor and torque is not None and channel.quantity in ("torque", "current", "voltage", "force"):
         return torque / _per_unit(campaign, channel)

@@ -545,11 +545,37 @@ def test_the_drives_loop_follows_its_command_where_no_torque_was_logged():
     assert np.max(np.abs(limited)) == pytest.approx(0.04, rel=0.05)  # the log's filter rings
 
 
+def test_a_prescribed_motor_drives_the_arm_by_the_springs_transfer_function():
+    """q/q_s = (K + c s)/(J s^2 + c s + K) at 15 Hz."""
+    f, t = 15.0, np.arange(2000) / RATE
+    angle = 0.05 * N * np.sin(2.0 * math.pi * f * t) * np.clip(t / 0.3, 0.0, 1.0) ** 3
+    run = run_of((RATE, [channel("angle", "motor", "input", angle), channel("angle", "arm", "output", 0.0 * t)]),
+                 experiment="speed-motion")  # fmt: skip
+    found = stepped(run, damping=400.0)[ARM]
+    s = 2j * math.pi * f
+    expected = (K + 400.0 * s) / (J_L * s**2 + 400.0 * s + K)
+    assert transfer(angle / N, found, f, t) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_prescribed_load_needs_its_inertia_damping_and_friction():
+    rig = Nameplate(topology="single-dof", motion="translational", plane="horizontal")
+    t = np.arange(3000) / 1000.0
+    w = 2.0 * math.pi * 1.5
+    run = run_of((1000.0, [channel("position", "load", "input", 0.1 * np.sin(w * t)),
+                           channel("force", "load", "output", 0.0 * t)]), experiment="speed-motion")  # fmt: skip
+    force = stepped(run, entry("coulomb-friction", "load", "asymmetric", torque=20.0, asymmetry=0.1), rig=rig,
+                    load_inertia=95.0, load_damping=200.0, stiffness=0.0)[("force", "load")]  # fmt: skip
+    v, a = 0.1 * w * np.cos(w * t), -0.1 * w * w * np.sin(w * t)
+    expected = 95.0 * a + 200.0 * v + 20.0 * np.sign(v) + 2.0
+    moving = (np.abs(v) > 0.2) & (t > 0.5) & (t < 2.5)
+    assert np.sqrt(np.mean((force - expected)[moving] ** 2)) < 0.3  # of some 900 N
+
+
 def test_what_is_not_replayed_is_refused():
     t = np.arange(100) / RATE
-    prescribed = run_of((RATE, [channel("angle", "motor", "input", 0.0 * t)]), experiment="speed-motion")
+    run = run_of((RATE, [channel("angle", "arm", "input", 0.0 * t)]), experiment="speed-motion")
     with pytest.raises(RefusedError, match="prescribed"):
-        stepped(prescribed)
+        stepped(run)
     with pytest.raises(InputError, match="unknown kind"):
         physics_of({"laws": [{"kind": "magic"}], "rig": {}, "spring": {}})
 
