@@ -69,7 +69,7 @@ def shifted(channel: ChannelPrediction, offset: float) -> Real:
     if offset == 0.0:
         return channel.values
     curve = bandlimited(channel.values, channel.signal.sampling_rate, float(channel.times[0]))
-    return curve(channel.times + offset)
+    return curve(channel.times - offset)
 
 
 def clock_offset(channels: list[ChannelPrediction], run: Run) -> float:
@@ -89,7 +89,7 @@ def clock_offset(channels: list[ChannelPrediction], run: Run) -> float:
 
     def misfit(offset: float) -> float:
         return sum(
-            float(np.nanmean(((c.signal.samples - curve(c.times + offset)) / scale) ** 2))
+            float(np.nanmean(((c.signal.samples - curve(c.times - offset)) / scale) ** 2))
             for c, curve, scale in zip(recorded, curves, scales, strict=True)
         )
 
@@ -97,7 +97,7 @@ def clock_offset(channels: list[ChannelPrediction], run: Run) -> float:
     lead = recorded[0]
     actual = np.nan_to_num(lead.signal.samples - np.nanmean(lead.signal.samples))
     lags = np.asarray(dsp.correlation_lags(actual.size, actual.size)) / lead.signal.sampling_rate
-    correlation = np.asarray(dsp.correlate(lead.values - lead.values.mean(), actual))
+    correlation = np.asarray(dsp.correlate(actual, lead.values - lead.values.mean()))
     near = np.abs(lags) <= reach
     coarse = float(lags[near][np.argmax(correlation[near])]) if near.any() else 0.0
     step = 1.0 / lead.signal.sampling_rate

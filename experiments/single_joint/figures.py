@@ -32,7 +32,7 @@ def write_csv(path: Path, columns: Mapping[str, Real]) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _turned(response: NDArray[np.complex128]) -> Real:
+def _turned(response: NDArray[np.complexfloating]) -> Real:
     """Phase from -90 to 270 [deg]: an accelerance starts at 180 and its noise must not wrap."""
     return np.asarray(np.mod(np.degrees(np.angle(response)) + 90.0, 360.0) - 90.0)
 
