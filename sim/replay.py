@@ -169,7 +169,7 @@ def _replay_prescribed(
     if campaign.rig.topology == "single-dof":
         trace = load_force(spec, path, times, timestep, physics)
     elif given.channel.location == "motor":
-        setup, control = moved_motor(spec, path, times, timestep, physics)
+        setup, control = moved_motor(spec, path, float(given.times[-1]), times, timestep, physics)
         columns: dict[str, Real | float] = dict(_loads(setup, run, times, physics))
         trace = take(setup, {**columns, "motor": control}, len(times))
         trace = replace(trace, inputs={k: v for k, v in trace.inputs.items() if k != "motor"})

@@ -23,7 +23,9 @@ from jointscope.sim.stepping import Trace, machine, read_out
 Real = NDArray[np.float64]
 
 CORNER = 60.0  # Hz, of the low-pass; at most 0.2 of the recording's rate
-_HEAVY = 1e9  # kg m^2: an inertia that nothing in the rig moves off its path
+_HEAVY = (
+    1e6  # kg m^2: an inertia that the rig moves off its path by millionths; MuJoCo takes no control above 1e10
+)
 
 
 def prescribed(run: Run) -> Signal | None:
@@ -40,13 +42,14 @@ def path_of(signal: Signal, ratio: float) -> Record:
 
 
 def moved_motor(
-    spec: mujoco.MjSpec, path: Record, times: Real, timestep: float, physics: Physics
+    spec: mujoco.MjSpec, path: Record, until: float, times: Real, timestep: float, physics: Physics
 ) -> tuple[Setup, Real]:
     """A rig whose motor follows ``path``, at rest at the path's first angle, and the motor's control.
 
     Args:
         spec: The rig.
         path: q_s [rad].
+        until: Its last sample [s]; from there on the motor keeps its speed.
         times: Stepping grid on the run's clock [s], shape (n,).
         timestep: h [s].
         physics: What is added to the rig.
@@ -63,7 +66,7 @@ def moved_motor(
     gear = float(moved.model.actuator("motor").gear[0])
     # second differences, so that the leapfrog returns the path itself
     around = path(np.concatenate([times[:1] - timestep, times, times[-1:] + timestep]))
-    acceleration = np.diff(around, 2) / timestep**2
+    acceleration = np.where(times < until - timestep, np.diff(around, 2) / timestep**2, 0.0)
     speeds = np.zeros(moved.model.nv)
     speeds[moved.model.joint("motor").dofadr[0]] = (around[1] - around[0]) / timestep
     return (
