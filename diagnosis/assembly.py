@@ -209,6 +209,8 @@ def initial_state(assembly: Assembly, first_torque: float) -> Vector:
         error += amplitude * math.sin(per_motor * (q0 + run.motor_zero) + per_load * q0 + phase)
     x[0] = q0 + twist - error if run.spring else q0
     x[2] = q0
+    x[3] = run.initial_speed
+    x[1] = run.initial_speed if run.motor_moves else 0.0
     if S[kernel.AT_BASE] >= 0:
         x[S[kernel.AT_BASE]] = -P[kernel.BASE_SHARE] / P[kernel.J_L] * weight / P[kernel.BASE_OMEGA] ** 2
     if S[kernel.AT_LOOP] >= 0 and P[kernel.LOOP_I] > 0.0:

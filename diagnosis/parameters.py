@@ -27,7 +27,6 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     """Which parameters these recordings can move, from the nameplate alone for now."""
     from jointscope.diagnosis.prepare import BaseSpec
 
-    n = rig.reduction_ratio or 1.0
     moving = any(run.motor_moves for run in runs)
     driven = any(run.motor is not None for run in runs)
     swung = any(run.mode != "braked" for run in runs)
@@ -40,7 +39,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     )
     if rig.motion == "translational":
         J_L = rig.inertia_reference or rig.arm_mass or 1.0
-    J_M = ((rig.motor_inertia or 0.0) + (rig.reducer_inertia or 0.0)) * n * n or J_L
+    J_M = known_inertia(rig) or J_L
     K = rig.stiffness_reference or J_L * (2.0 * math.pi * 30.0) ** 2
     c = rig.damping_reference or 2.0 * 0.03 * math.sqrt(K * J_L)
     weight = 0.0
@@ -102,7 +101,13 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     )
 
 
-def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...]) -> BaseSpec:
+def known_inertia(rig: Nameplate) -> float:
+    """What the nameplate says of the motor side's inertia, at the output [kg m^2]; the reducer's may be missing."""
+    n = rig.reduction_ratio or 1.0
+    return ((rig.motor_inertia or 0.0) + (rig.reducer_inertia or 0.0)) * n * n
+
+
+def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
     """Bounds and scales around the start values: dampings may vanish, inertias and stiffness stay positive."""
     b = dict(zip(BASE_NAMES, base.start, strict=True))
     critical = 2.0 * math.sqrt(b["stiffness"] * b["load_inertia"])
@@ -130,6 +135,8 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         i = BASE_INDEX[name]
         lower[i], upper[i] = 0.02 * base.start[i], 50.0 * base.start[i]
     upper[BASE_INDEX["efficiency"]] = 2.0
+    i = BASE_INDEX["motor_inertia"]
+    lower[i] = max(lower[i], min(known_inertia(rig), base.start[i]))
     for name in ("damping", "motor_damping", "load_damping", "drive_integral"):
         upper[BASE_INDEX[name]] = 1e3 * scale[name]
     for name in ("gravity_moment", "torque_offset"):

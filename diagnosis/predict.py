@@ -16,7 +16,7 @@ from jointscope.diagnosis.vibration import disturbance
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
-    from jointscope.diagnosis.prepare import PreparedRun, Problem
+    from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 
@@ -37,10 +37,15 @@ def predict_outputs(
     """
     assembly = build(run, theta, effects, problem)
     states = integrate(assembly)
-    predicted = [observe(states, assembly, run, output) for output in run.outputs]
+    predicted = [_zeroed(observe(states, assembly, run, output), output) for output in run.outputs]
     if assembly.chain.vibration[1] != 0.0:
         predicted = disturbance(assembly, run, predicted)
     return tuple(predicted)
+
+
+def _zeroed(y: Vector, output: Output) -> Vector:
+    """A channel without a known zero takes the one that fits."""
+    return y + float(np.mean((output.data - y)[output.mask])) if output.floating and output.mask.any() else y
 
 
 def free_prediction(

@@ -24,7 +24,7 @@ Mode = Literal["braked", "observer", "closed-loop", "torque-driven", "prescribed
 
 GRID_RATE = 4000.0  # Hz; the simulation grid is at least this fine
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
-SETTLING = 0.4  # s left out at the start of a run whose initial state is unknown
+SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
 _TAIL = 8  # samples left out at the end, where the anti-aliasing kernel looks past the record
 
 
@@ -47,6 +47,8 @@ class Output:
         offset: recorded = polarity * (data + offset).
         calibrated: Whether its unit is known.
         observed: Whether this is the angle that the observer follows: the comparison is its innovation.
+        floating: Whether its zero is unknown (an angle of a run that does not start at rest): the prediction is moved by
+            the mean difference.
         channel: Position of (stream, channel) in the run.
     """
 
@@ -68,6 +70,7 @@ class Output:
     offset: float = 0.0
     calibrated: bool = True
     observed: bool = False
+    floating: bool = False
     channel: tuple[int, int] = (0, 0)
 
 
@@ -108,6 +111,7 @@ class PreparedRun:
         late_motor, late_observed: Whether their device is not the DAQ.
         torque_factor: Motor torque at the output per unit of the motor channel.
         initial_angle: Arm angle at the start [rad].
+        initial_speed: Speed at the start [rad/s]; zero unless the run says that it does not begin at rest.
         motor_zero: Recorded motor angle / n minus the model's q_s at the start [rad].
         outputs: What is compared.
         declared: Every channel that the run declares as output, for prediction.
@@ -137,6 +141,7 @@ class PreparedRun:
     late_observed: bool
     torque_factor: float
     initial_angle: float
+    initial_speed: float
     motor_zero: float
     outputs: tuple[Output, ...]
     declared: tuple[Output, ...] = ()
@@ -358,6 +363,7 @@ def _prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fa
         late_observed=observed is not None and observed.device != daq,
         torque_factor=1.0 if motor is None else motor.factor,
         initial_angle=_initial_angle(run, rig, prescribed),
+        initial_speed=_initial_speed(observed) if run.initial == "estimate" else 0.0,
         motor_zero=_motor_zero(recorded, rig, run),
         outputs=outputs,
         declared=declared,
@@ -499,8 +505,24 @@ def _outputs(
             continue
         if mode == "braked" and channel.location == "motor":
             continue
+        if channel.quantity in SPEED_OF and _same_sensor(signal, recorded):
+            continue
         outputs.append(_output(signal, rig, run, mode, daq, observed, run.arm_angle))
     return tuple(outputs)
+
+
+SPEED_OF = {"angular-velocity": "angle", "velocity": "position"}
+
+
+def _same_sensor(speed: Signal, recorded: list[Signal]) -> bool:
+    """Whether a device that gives a speed also gives the angle it is derived from: one sensor is not scored twice."""
+    return any(
+        other.channel.quantity == SPEED_OF[speed.channel.quantity]
+        and other.channel.location == speed.channel.location
+        and other.channel.role == "output"
+        and other.device == speed.device
+        for other in recorded
+    )
 
 
 def _output(
@@ -514,8 +536,10 @@ def _output(
     mask = np.isfinite(data)
     data = np.where(mask, data, 0.0)
     motor = channel.location == "motor"
+    angular = channel.quantity in ("angle", "position")
+    followed = observed is not None and _is_observed(channel, observed, signal.device, rig)
     offset = 0.0
-    if channel.quantity in ("angle", "position") and recorded and data.size:
+    if angular and recorded and data.size:
         offset = _first(data) - angle * ((rig.reduction_ratio or 1.0) if motor else 1.0)
     if data.size > 64:
         mask[-_TAIL:] = False
@@ -547,7 +571,8 @@ def _output(
         high_pass=corner,
         offset=offset,
         calibrated=channel.calibrated,
-        observed=observed is not None and _is_observed(channel, observed, signal.device, rig),
+        observed=followed,
+        floating=run.initial == "estimate" and angular and not followed,
         channel=(signal.device, signal.stream.channels.index(channel)),
     )
 
@@ -582,6 +607,15 @@ def _initial_angle(run: Run, rig: Nameplate, prescribed: Signal | None) -> float
         return run.arm_angle
     n = (rig.reduction_ratio or 1.0) if prescribed.channel.location == "motor" else 1.0
     return float(prescribed.samples[0]) / n
+
+
+def _initial_speed(observed: Observed | None) -> float:
+    """Slope of the observed angle over the first samples [rad/s]."""
+    if observed is None:
+        return 0.0
+    t = observed.signal.start + np.arange(25) / max(observed.signal.rate, 25.0 / 0.1)
+    values = observed.signal(t)
+    return float(values[0]) if observed.rate_signal else float(np.polyfit(t, values, 1)[0])
 
 
 def _motor_zero(recorded: list[Signal], rig: Nameplate, run: Run) -> float:

@@ -22,6 +22,7 @@ _LOWEST, _HIGHEST = 2.0, 300.0  # Hz; where a joint's resonance is looked for
 _LINES = 160  # per response
 _CANDIDATES = 7
 _CONTRADICTION = 0.4  # mean cosine of the phase error below minus which a channel counts as inverted
+_ACTIVE = 0.15  # share of negative mobility above which a channel counts as inverted
 _SURE = 6.0  # averages a coherence must be made of before it counts in full
 
 
@@ -184,12 +185,27 @@ def fitted(base: BaseSpec, measured: tuple[Response, ...], starts: tuple[Vector,
     return None if best is None else best[1]
 
 
+def passive_polarities(measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:
+    """-1 for each kind of channel beside the input whose mobility would give out energy, else +1.
+
+    Where the input acts, Re(velocity per force) >= 0 for whatever passive machine stands behind it: no model is needed.
+    """
+    found: dict[tuple[object, ...], float] = {}
+    for response in measured:
+        if response.at_motor != response.by_motor or not response.phased:
+            continue
+        mobility = response.weight * response.H / (2j * np.pi * response.f)
+        share = float(np.sum(np.real(mobility)) / (np.sum(np.abs(mobility)) + 1e-300))
+        found[response.key] = found.get(response.key, 0.0) + share
+    return {key: -1.0 if share < -_ACTIVE else 1.0 for key, share in found.items()}
+
+
 def polarities(theta: Vector, measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:
-    """-1 for each kind of channel whose phase plainly contradicts the base's, else +1."""
+    """-1 for each kind of channel away from the input whose phase plainly contradicts the base's, else +1."""
     named = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
     found: dict[tuple[object, ...], float] = {}
     for response in measured:
-        if not response.phased:
+        if response.at_motor == response.by_motor or not response.phased:
             continue
         agreement = _agreement(response, model_response(named, response))
         if abs(agreement) > abs(found.get(response.key, 0.0)):

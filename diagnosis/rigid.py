@@ -19,11 +19,14 @@ _CORNER = 8.0  # Hz; below a joint's resonance
 _STILL = 0.02  # of the top speed, below which dry friction is undecided
 
 
-def rigid_start(base: BaseSpec, runs: tuple[PreparedRun, ...], start: Vector) -> Vector | None:
+def rigid_start(
+    base: BaseSpec, runs: tuple[PreparedRun, ...], start: Vector, known_inertia: float
+) -> Vector | None:
     """``start`` with inertia, damping, weight and stiffness from the slow part of the runs that travel.
 
-    tau = J q'' + b q' + T sgn(q') + const + M cos q, by least squares over the observed angle; Delta = T_S / K where both
-    encoders were recorded. Dry friction and the constant are there to keep the other terms unbiased and are dropped.
+    tau = J q'' + b q' + T sgn(q') + const + M cos q, by least squares over the observed angle; Delta = T_S / K where
+    both encoders were recorded. Dry friction and the constant are there to keep the other terms unbiased and are
+    dropped. ``known_inertia``: what the nameplate has of the motor side's [kg m^2].
     """
     rows = [part for run in runs for part in (_rows(run, start),) if part is not None]
     if not rows:
@@ -42,12 +45,14 @@ def rigid_start(base: BaseSpec, runs: tuple[PreparedRun, ...], start: Vector) ->
     moving = any(run.motor_moves for run in runs)
     J_M = start[BASE_INDEX["motor_inertia"]] if moving else 0.0
     if moving and base.free[BASE_INDEX["motor_inertia"]]:
-        J_M = 0.5 * x[0]
+        J_M = known_inertia if 0.0 < known_inertia < 0.95 * x[0] else 0.5 * x[0]
         found[BASE_INDEX["motor_inertia"]] = J_M
     found[BASE_INDEX["load_inertia"]] = max(x[0] - J_M, 0.05 * x[0])
     names = ("motor_damping", "load_damping") if moving else ("load_damping",)
     for name in names:
         found[BASE_INDEX[name]] = max(x[1], 0.0) / len(names)
+    if base.free[BASE_INDEX["torque_offset"]]:
+        found[BASE_INDEX["torque_offset"]] = -x[3]
     if weighing:
         found[BASE_INDEX["gravity_moment"]] = x[4]
     _stiffness(found, runs)

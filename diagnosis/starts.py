@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.alignment import aligned, uncertain
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
-from jointscope.diagnosis.parameters import base_spec, bounded, torque_calibrated
+from jointscope.diagnosis.channels import high_pass
+from jointscope.diagnosis.parameters import base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import Observed, Problem
-from jointscope.diagnosis.responses import channel_key, fitted, polarities, responses
+from jointscope.diagnosis.responses import channel_key, fitted, passive_polarities, polarities, responses
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
 from jointscope.identification.drive import identify_drive
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+_SLOW = 6.0  # Hz; drives and friction move the rigid body below it, the joint's resonance lies above
+
 
 def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
     """The problem with start values, polarity, drive law, clocks of unknown start and typical sizes."""
@@ -42,20 +45,18 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
         again = _started(rig, problem.runs, exact=True)
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
     base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
-    problem = replace(problem, base=bounded(base, problem.runs))
+    problem = replace(problem, base=bounded(base, problem.runs, rig))
     return replace(problem, scales=typical_sizes(problem))
 
 
 def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = False) -> Problem:
     """Start values from whichever candidate comes nearest; ``exact`` says that uncertain clocks are aligned already."""
     base = base_spec(rig, runs)
+    runs, findings = _righted(runs, passive_polarities(responses(runs, exact=exact)))
     measured = responses(runs, exact=exact)
-    slow = rigid_start(base, runs, base.start)
+    slow = rigid_start(base, runs, base.start, known_inertia(rig))
     quick = fitted(base, measured, (base.start,) if slow is None else (base.start, slow))
     candidates = [start for start in (quick, slow, base.start) if start is not None]
-    findings: tuple[str, ...] = ()
-    if measured:
-        runs, findings = _righted(runs, polarities(candidates[0], measured))
     problem = Problem(
         rig=rig,
         runs=runs,
@@ -64,23 +65,49 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
         torque_calibrated=torque_calibrated(runs),
         findings=findings,
     )
-    return replace(problem, base=replace(base, start=min(candidates, key=lambda start: _misfit(problem, start))))
+    problem, best = _nearest(problem, candidates)
+    for key, sign in polarities(best, measured).items():
+        if sign > 0.0:
+            continue
+        turned, found = _righted(problem.runs, {key: sign})
+        other, start = _nearest(replace(problem, runs=turned, findings=(*problem.findings, *found)), candidates)
+        if _misfit(other, start) < _misfit(problem, best):
+            problem, best = other, start
+    return problem
+
+
+def _nearest(problem: Problem, candidates: list[Vector]) -> tuple[Problem, Vector]:
+    """The problem with whichever start comes nearest to its recordings, and that start."""
+    best = min(candidates, key=lambda start: _misfit(problem, start))
+    return replace(problem, base=replace(problem.base, start=best)), best
 
 
 def _misfit(problem: Problem, start: Vector) -> float:
-    """Mean over all outputs of the error's share of the signal, each bounded: a start is judged, not a fit."""
+    """How far the base at ``start`` is from the recordings: mean log share of error, whole and above the slow part.
+
+    A torque offset or slow friction hides the resonance in the whole signal; a slow motion has nothing but noise above.
+    Each share is bounded: a start is judged, not a fit.
+    """
     shares = []
     for run in problem.runs:
         if run.mode == "closed-loop":
             continue
         for output, y in zip(run.outputs, predict_outputs(run, start, (), problem), strict=True):
-            data = output.data[output.mask]
-            if data.size == 0:
-                continue
-            size = float(np.std(data)) + 1e-6 * float(np.max(np.abs(data))) + 1e-300
-            error = float(np.sqrt(np.mean((data - y[output.mask]) ** 2))) / size
-            shares.append(min(error, 10.0) if math.isfinite(error) else 100.0)
+            error = np.where(output.mask, output.data - y, 0.0)
+            for data, rest in (
+                (output.data, error),
+                (_quick(output.data, output.rate), _quick(error, output.rate)),
+            ):
+                size = float(np.std(data[output.mask])) + 1e-6 * float(np.max(np.abs(data))) + 1e-300
+                share = float(np.sqrt(np.mean(rest**2))) / size
+                shares.append(min(share, 10.0) if math.isfinite(share) else 100.0)
     return float(np.mean(np.log(np.array(shares) + 1e-9))) if shares else 0.0
+
+
+def _quick(x: Vector, rate: float) -> Vector:
+    """What lies above the slow part, by two first-order high-passes."""
+    corner = min(_SLOW, 0.1 * rate)
+    return high_pass(high_pass(x, corner, rate), corner, rate)
 
 
 def _righted(

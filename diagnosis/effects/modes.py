@@ -47,7 +47,7 @@ def _link(assembly: Assembly, values: Values, weight: float) -> None:
     P = assembly.P
     frequency, inertia, damping, hit = values[:4]
     sensed = values[4] if len(values) > 4 else hit
-    inertia = min(inertia, 0.95 * P[kernel.J_L])
+    inertia = min(max(inertia, 1e-12 * P[kernel.J_L]), 0.95 * P[kernel.J_L])
     share = math.sqrt(inertia / P[kernel.J_L])
     P[kernel.LINK_J], P[kernel.LINK_OMEGA], P[kernel.LINK_ZETA] = inertia, 2.0 * math.pi * frequency, damping
     P[kernel.LINK_HIT], P[kernel.LINK_SENSE] = hit * share, sensed * share
