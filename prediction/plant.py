@@ -7,7 +7,8 @@ Two-inertia rig (campaign format; paper, Equation 4)::
     T_S = K (q_s - q) + c (q_s' - q')
 
 With the brake on q_s stands still, and the load equation alone is left (paper, Equation 14). A single-dof rig has one
-inertia, on a ground spring (``held``) or on nothing (``rigid``), and eta n T_e acts on it directly.
+inertia, on a ground spring (``held``) or on nothing (``rigid``), and eta n T_e acts on it directly; a rigid axis turns its
+motor with it, so there J_M and b_m (0 where unknown) add to J_L and b_l.
 """
 
 from __future__ import annotations
@@ -136,11 +137,12 @@ def plant_of(model: BaseModel, run: Run) -> Plant:
         motor=motor,
         load_moves=motion is not None and (rigid or not at_motor),
         motor_inertia=shafts * ratio**2,
-        load_inertia=joint["load_inertia"],
+        load_inertia=joint["load_inertia"] + (shafts * ratio**2 if rigid else 0.0),
         stiffness=0.0 if rigid else joint["stiffness"],
         damping=0.0 if rigid else joint.get("damping", 0.0),
         motor_damping=joint.get("motor_damping", 0.0),
-        load_damping=joint.get("load_damping", 0.0) + (joint.get("damping", 0.0) if rigid else 0.0),
+        load_damping=joint.get("load_damping", 0.0)
+        + (joint.get("damping", 0.0) + joint.get("motor_damping", 0.0) if rigid else 0.0),
         gravity_moment=gravity_moment(model),
         ratio=ratio,
         gain=joint.get("efficiency", 1.0) * ratio,
