@@ -95,17 +95,17 @@ def noise_shape(
     ``_SHAPE_FREEDOM`` degrees of freedom.
     """
     left = residual_noise(model, hits, noise, scatter)
-    frequency = np.concatenate([hit.frequency for hit in hits])
-    order = np.argsort(frequency, kind="stable")
+    where, at = np.unique(np.concatenate([hit.frequency for hit in hits]).round(9), return_inverse=True)
     squares = np.concatenate(
         [np.abs(lines) ** 2 / np.mean(np.abs(lines) ** 2, axis=1, keepdims=True) for lines, _ in left], axis=1
-    )[:, order]
-    half = min(max(_SHAPE_FREEDOM // 4, len(hits)), frequency.size // 2)
-    total = np.cumsum(np.pad(squares, ((0, 0), (1, 0))), axis=1)
-    centre = np.arange(frequency.size)
-    low, high = np.maximum(centre - half, 0), np.minimum(centre + half + 1, frequency.size)
-    smooth = (total[:, high] - total[:, low]) / (high - low)
-    where = frequency[order]
+    )
+    count = np.bincount(at)
+    total = np.array([np.cumsum(np.pad(np.bincount(at, weights=row), (1, 0))) for row in squares])
+    number = np.cumsum(np.pad(count, (1, 0)))
+    half = min(max(_SHAPE_FREEDOM // (4 * int(np.median(count))), 1), where.size // 2)
+    centre = np.arange(where.size)
+    low, high = np.maximum(centre - half, 0), np.minimum(centre + half + 1, where.size)
+    smooth = (total[:, high] - total[:, low]) / (number[high] - number[low])
     return [
         np.sqrt(np.array([np.interp(hit.frequency, where, row) for row in smooth]).clip(1e-4, None))
         for hit in hits

@@ -54,6 +54,7 @@ class HitSpectrum:
         input_noise: Standard deviation of the input's samples [N m].
         clock: Standard deviation of the input's clock against the output's [s]; 0 on one device.
         truncated: Whether the record ends before the decay does.
+        rate: Sampling rate of the outputs [Hz]; 0 for a measured FRF.
     """
 
     run: str
@@ -68,6 +69,7 @@ class HitSpectrum:
     input_noise: float
     clock: float = 0.0
     truncated: bool = False
+    rate: float = 0.0
 
     def in_band(self, band: tuple[float, float]) -> HitSpectrum:
         """The lines inside ``band`` [Hz]; a short contact's noise in as few columns as they can tell apart."""
@@ -164,24 +166,46 @@ def _stack(lines: Complex, noise: Real) -> Real:
 def _transients(model: ModalModel, hit: HitSpectrum, noise: Real) -> tuple[Complex, Complex]:
     """Transient columns and their derivatives by a1 and a2, shapes (n_outputs, n, k) and (2, n_outputs, n, k).
 
-    What a decay cut off (or already under way) leaves in the spectrum of one output is (t0 + t1 s) S/(s^2 + a1 s + a2)
-    per mode. Columns are scaled so that the prior is flat against the noise.
+    What a decay cut off (or already under way) leaves in the spectrum of one output's samples is exactly
+    (t0 + t1/z)/(1 - 2 Re(p)/z + |p|^2/z^2) per mode, p = e^{pole/rate}; of a measured FRF (no rate) the same in s.
+    Columns are scaled so that the prior is flat against the noise.
     """
     s = 2j * np.pi * hit.frequency
     outputs, modes = model.outputs, model.modes
     columns = np.zeros((outputs, s.size, 2 * outputs * modes), dtype=np.complex128)
     slopes = np.zeros((2, *columns.shape), dtype=np.complex128)
-    inverse = 1.0 / model.denominators(s)
+    delay, inverse, by_a1, by_a2 = _decay(model, s, hit.rate)
     for o in range(outputs):
         for m in range(modes):
             for power in (0, 1):
                 k = 2 * (o * modes + m) + power
-                column = s**power * inverse[m]
+                column = delay**power * inverse[m]
                 scale = _FLAT / np.linalg.norm(column / noise[o])
                 columns[o, :, k] = column * scale
-                slopes[0, o, :, k] = -column * s * inverse[m] * scale
-                slopes[1, o, :, k] = -column * inverse[m] * scale
+                slopes[0, o, :, k] = delay**power * by_a1[m] * scale
+                slopes[1, o, :, k] = delay**power * by_a2[m] * scale
     return columns, slopes
+
+
+def _decay(model: ModalModel, s: Complex, rate: float) -> tuple[Complex, Complex, Complex, Complex]:
+    """One step of delay, shape (n,); every mode's own decay and its derivatives by a1 and a2, shape (n_modes, n)."""
+    if rate <= 0.0:
+        inverse = 1.0 / model.denominators(s)
+        return s, inverse, -s * inverse**2, -(inverse**2)
+    delay = np.exp(-s / rate)
+    a1 = model.a1[:, None]
+    ring = np.sqrt(np.maximum(model.a2[:, None] - a1**2 / 4.0, 1e-6 * model.a2[:, None]))
+    p = np.exp((-a1 / 2.0 + 1j * ring) / rate)
+    shrunk = np.exp(-a1 / rate)
+    inverse = 1.0 / (1.0 - 2.0 * p.real * delay + shrunk * delay**2)
+    turn_a1 = 2.0 * (p / rate * (-0.5 - 0.25j * a1 / ring)).real
+    turn_a2 = 2.0 * (p / rate * (0.5j / ring)).real
+    return (
+        delay,
+        inverse,
+        inverse**2 * (turn_a1 * delay + shrunk / rate * delay**2),
+        inverse**2 * (turn_a2 * delay),
+    )
 
 
 def whiten(model: ModalModel, hit: HitSpectrum, noise: Real, scatter: Scatter) -> Whitened:

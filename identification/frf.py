@@ -63,16 +63,21 @@ def from_spectra(frequency: Real, inputs: Complex, outputs: Complex, shift: floa
     xx = np.mean(np.abs(inputs) ** 2, axis=0)
     yy = np.mean(np.abs(outputs) ** 2, axis=0)
     yx = np.mean(outputs * np.conj(inputs), axis=0)
-    h1 = yx / xx
+    h1 = yx / np.maximum(xx, np.finfo(float).tiny)
     h2 = yy / np.where(np.abs(yx) > 0.0, np.conj(yx), 1.0)
     if hits == 1:
         blind = np.full(frequency.size, np.nan)
         return Frf(
             frequency=frequency, h1=h1, h2=h2, hv=h1, coherence=blind, variance=blind, averages=1, shift=shift
         )
-    coherence = np.clip(np.abs(yx) ** 2 / (xx * yy), 0.0, 1.0)
+    coherence = np.clip(np.abs(yx) ** 2 / np.maximum(xx * yy, np.finfo(float).tiny), 0.0, 1.0)
     error = outputs - h1 * inputs
-    variance = np.sum(np.abs(inputs) ** 2 * np.abs(error) ** 2, axis=0) / (hits * xx) ** 2 * hits / (hits - 1.0)
+    variance = (
+        np.sum(np.abs(inputs) ** 2 * np.abs(error) ** 2, axis=0)
+        / np.maximum(hits * xx, np.finfo(float).tiny) ** 2
+        * hits
+        / (hits - 1.0)
+    )
     return Frf(
         frequency=frequency,
         h1=h1,

@@ -41,6 +41,7 @@ LOWEST = 2.0  # Hz: below it G ~ s^2/K drowns in every sensor's noise
 PAPER_TOP = 50.0  # Hz: the paper's band for one mode
 FORCE_SHARE = 0.1  # of the force spectrum's largest line down to which it still drives the joint
 ENDED = 1e-4  # share of its amplitude below which a decay has ended
+VAGUE = 0.05  # half a 95 % interval over a frequency above which it is no resonance
 OUTLIER = 6.0  # robust standard deviations
 
 
@@ -85,6 +86,7 @@ def identify_hammer(
     input_unit = usable[0].input_unit if all(hit.calibrated for hit in usable) else "input unit"
     unit = units(rig, input_unit)
     modes = mode_estimates(fit, of)
+    _check_resonance(modes, band)
     found, refused, notes = joint_estimates(fit, of, rig, unit, gravity)
     base = _base_model(fit, of, found, rig, input_unit)
     found, too_wide = sift(found, len(fit.hits))
@@ -168,6 +170,17 @@ def _check_record(spectra: Sequence[HitSpectrum], start: ModalModel, band: tuple
         raise RefusedError(
             f"the record of {shortest:.3g} s holds {shortest * frequency:.1f} periods of the resonance at "
             f"{frequency:.3g} Hz: too short; record at least {8.0 / frequency:.2g} s"
+        )
+
+
+def _check_resonance(modes: Sequence[Mode], band: tuple[float, float]) -> None:
+    sharpest = min(modes, key=lambda mode: (mode.frequency.high - mode.frequency.low) / mode.frequency.value)
+    half = 0.5 * (sharpest.frequency.high - sharpest.frequency.low)
+    if half > VAGUE * sharpest.frequency.value or sharpest.damping_ratio.value > 0.5**0.5:
+        raise RefusedError(
+            f"no resonance stands out in the usable band of {band[0]:.3g} to {band[1]:.3g} Hz (what comes nearest is "
+            f"{sharpest.frequency.value:.3g} Hz, {sharpest.frequency.low:.3g} to {sharpest.frequency.high:.3g} at 95 %): "
+            "it lies outside, or drowns in noise; a harder tip drives higher frequencies"
         )
 
 

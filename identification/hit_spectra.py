@@ -143,4 +143,5 @@ def hit_spectrum(
         impulse=float(np.sum(force)) * step * excitation.lever,
         input_noise=contact.noise * abs(excitation.lever),
         clock=late,
+        rate=rate,
     )

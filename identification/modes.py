@@ -166,7 +166,7 @@ def _richest_residual(hits: Sequence[HitSpectrum], poles: Complex) -> list[Real]
             drive = (hit.sensor[o] * hit.input)[:, None]
             columns = [pairs * drive, drive, (s[:, None] / abs(s[-1])) ** 2 * drive]
             if hit.truncated:
-                columns.append(pairs * np.abs(drive).mean())
+                columns += [pairs * np.abs(drive).mean(), np.ones((s.size, 1)), s[:, None] / abs(s[-1])]
             block = np.concatenate(columns, axis=1)
             block = block / np.linalg.norm(block, axis=0)
             left[o] = np.abs(output - block @ np.linalg.lstsq(block, output, rcond=None)[0]) ** 2
@@ -184,7 +184,7 @@ def _richest_residual(hits: Sequence[HitSpectrum], poles: Complex) -> list[Real]
 
 @dataclass(frozen=True, eq=False)
 class _Normal:
-    """Normal equations of one output: columns labelled by mode (or -1 for residual lines)."""
+    """Normal equations of one output: columns labelled by mode, -1 for residual lines, -2 for what is always there."""
 
     matrix: Real
     side: Real
@@ -197,7 +197,9 @@ def _normal(hits: Sequence[HitSpectrum], noise: Sequence[Real], o: int, a1: Real
     n = a1.size
     top = 2.0 * np.pi * hits[0].frequency[-1]
     blocks, sides, cut = [], [], [index for index, hit in enumerate(hits) if hit.truncated]
-    labels = np.concatenate([np.arange(n), [-1, -1], np.tile(np.arange(n), 2 * len(cut))]).astype(np.intp)
+    labels = np.concatenate([np.arange(n), [-1, -1], np.tile([*range(n), *range(n), -2, -2], len(cut))]).astype(
+        np.intp
+    )
     for index, hit in enumerate(hits):
         s = 2j * np.pi * hit.frequency[:, None]
         inverse = 1.0 / (s**2 + a1 * s + a2)
@@ -209,8 +211,9 @@ def _normal(hits: Sequence[HitSpectrum], noise: Sequence[Real], o: int, a1: Real
             (s / top) ** 2 * drive,
         )
         if index in cut:
-            at = n + 2 + 2 * n * cut.index(index)
+            at = n + 2 + (2 * n + 2) * cut.index(index)
             block[:, at : at + n], block[:, at + n : at + 2 * n] = inverse, s * inverse
+            block[:, at + 2 * n], block[:, at + 2 * n + 1] = 1.0, s[:, 0] / top  # what sampling folds back
         weight = noise[index][o][:, None]
         scaled, side = block / weight, hit.output[o] / weight[:, 0]
         blocks.append(np.concatenate([scaled.real, scaled.imag]))
@@ -225,7 +228,7 @@ def _normal(hits: Sequence[HitSpectrum], noise: Sequence[Real], o: int, a1: Real
 def _solve(
     system: _Normal, modes: Sequence[int], lines: bool
 ) -> tuple[NDArray[np.intp], NDArray[np.floating[Any]], float]:
-    allowed = np.array([label in modes or (lines and label == -1) for label in system.labels])
+    allowed = np.array([label in modes or label == -2 or (lines and label == -1) for label in system.labels])
     index = np.flatnonzero(allowed)
     inner = system.matrix[np.ix_(index, index)]
     solution = np.linalg.lstsq(inner, system.side[index], rcond=1e-12)[0]

@@ -68,7 +68,8 @@ def vector_fit(
                 own = np.concatenate([fractions, np.ones((s.size, 1)), (s[:, None] / scale) ** 2], axis=1)
                 own = own * drive[:, None]
                 if transients:
-                    own = np.concatenate([own, fractions * np.abs(drive).mean()], axis=1)
+                    loose = np.concatenate([fractions, np.ones((s.size, 1)), s[:, None] / scale], axis=1)
+                    own = np.concatenate([own, loose * np.abs(drive).mean()], axis=1)
                 weight = 1.0 / np.sqrt(np.mean(np.abs(output) ** 2))
                 shared = np.concatenate([-fractions * output[:, None], -output[:, None]], axis=1)
                 block = np.concatenate([own, shared], axis=1) * weight
