@@ -39,6 +39,7 @@ _EFFECTS: dict[str, tuple[Writer, tuple[str, ...], float | None]] = {
     "link-flexibility": (modes.link, ("inertia",), 0.0),
     "neighbour-flexibility": (modes.neighbour, ("modal_share",), 0.0),
     "base-compliance": (modes.mount, ("modal_share",), 0.0),
+    "latent-law": (load.tabled, ("low",), math.nan),
     "external-vibration": (acquisition.vibration, ("amplitude",), 0.0),
     "delay": (acquisition.delay, ("delay",), 0.0),
     "clock-drift": (acquisition.clock_drift, ("ppm",), 0.0),
@@ -115,6 +116,8 @@ def _write(building: Building, entry: Mapping[str, Any]) -> None:
         raise InputError("model.json", f"effects: {name}@{location}", "has no counterpart in MuJoCo")
     writer, amplitudes, null = _EFFECTS[name]
     parameters = {key: float(value) for key, value in entry["parameters"].items() if value is not None}
+    if entry.get("range") is not None:  # of the variable that a law without a name depends on
+        parameters["low"], parameters["high"] = (float(value) for value in entry["range"])
     amplitude = next((parameters[key] for key in amplitudes if key in parameters), None)
     if amplitude is None or amplitude == null or not math.isfinite(amplitude):
         if amplitude is None and null is not None:

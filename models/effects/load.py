@@ -1,4 +1,4 @@
-r"""On the arm: its weight by the place of its centre of mass, a stop by a one-sided tendon, inertia that changes by run."""
+"""On the arm: weight by its centre of mass, a stop by a one-sided tendon, inertia by run; and a law without a name."""
 
 from __future__ import annotations
 
@@ -23,4 +23,18 @@ def end_stop(building: Building, location: str, variant: str, p: Parameters) -> 
 def payload(building: Building, location: str, variant: str, p: Parameters) -> str:
     """J_L + inertia in the runs that carry it; the file holds the unloaded arm."""
     building.law("payload", inertia=p["inertia"])
+    return ""
+
+
+def tabled(building: Building, location: str, variant: str, p: Parameters) -> str:
+    """A torque straight between nodes of speed, angle, wind-up or its rate, from ``low`` to ``high``; constant beyond."""
+    count = sum(name.startswith("torque_") for name in p)
+    building.law(
+        "table",
+        at=location,
+        of=variant,
+        low=p["low"],
+        high=p["high"],
+        torque=[p[f"torque_{i}"] for i in range(count)],
+    )
     return ""

@@ -25,7 +25,7 @@ Law = Mapping[str, Any]
 
 MECHANICS = (
     "transmission-error", "gap-damping", "stiffness-drift", *MEMORIES, "friction-level", "torque-ripple", "weight",
-    "external-vibration",
+    "external-vibration", "table",
 )  # fmt: skip
 _ON_SPRING = ("transmission-error", "gap-damping", "stiffness-drift", *MEMORIES)
 
@@ -105,7 +105,12 @@ class _JointLaw:
         self.lines = [_line(law) for law in by_kind["transmission-error"]]
         self.memories = [MEMORIES[kind](law) for kind in MEMORIES for law in by_kind[kind]]
         self.drift = sum(float(law["rate"]) for law in by_kind["stiffness-drift"])
-        self.on_spring = any(by_kind[kind] for kind in _ON_SPRING)
+        self.tables = {
+            (at, of): _table(law) for law in by_kind["table"] for at, of in [(str(law["at"]), str(law["of"]))]
+        }
+        self.on_spring = any(by_kind[kind] for kind in _ON_SPRING) or any(
+            at == "transmission" for at, _ in self.tables
+        )
         self.ripples = [
             (float(law["share"]), *_line({**law, "amplitude": 1.0})[1:]) for law in by_kind["torque-ripple"]
         ]
@@ -148,7 +153,11 @@ class _JointLaw:
             for share, per_motor, _per_load, phase in self.ripples:
                 angle = per_motor * (q_s + self.frame.motor_zero) + phase
                 force[self.motor] += share * self.gear * self.command.torque * math.sin(angle)
-        on_arm = -sum(moment * math.cos(q_s + x + phase) for moment, phase in self.pulls)
+        if self.motor >= 0:
+            force[self.motor] += self._tabled("motor", angle=q_s, speed=v_s)
+        on_arm = self._tabled("load", angle=q_s + x, speed=v_s + v) - sum(
+            moment * math.cos(q_s + x + phase) for moment, phase in self.pulls
+        )
         if t > 0.0:  # the rig is put to rest without it
             on_arm += sum(a * math.sin(w * (t + self.frame.origin) + phase) for a, w, phase in self.shakes)
         if on_arm:
@@ -171,11 +180,28 @@ class _JointLaw:
         torque = self.spring.torque(delta, rate, 1.0 + self.drift * (t + self.frame.origin))
         for memory in self.memories:
             torque += memory(t, delta, rate)
-        return torque
+        return torque + self._tabled("transmission", **{"wind-up": delta, "wind-up-rate": rate})
+
+    def _tabled(self, at: str, **variables: float) -> float:
+        """Torque of the laws without a name at one place [N m]."""
+        return sum(self.tables[at, of](value) for of, value in variables.items() if (at, of) in self.tables)
 
 
 def _line(law: Law) -> tuple[float, float, float, float]:
     return float(law["amplitude"]), float(law["per_motor"]), float(law.get("per_load", 0.0)), float(law["phase"])
+
+
+def _table(law: Law) -> Callable[[float], float]:
+    """Straight between nodes, constant beyond them."""
+    torque, low = [float(value) for value in law["torque"]], float(law["low"])
+    step = (float(law["high"]) - low) / (len(torque) - 1)
+
+    def read(variable: float) -> float:
+        at = min(max((variable - low) / step, 0.0), len(torque) - 1.0)
+        node = min(int(at), len(torque) - 2)
+        return torque[node] + (at - node) * (torque[node + 1] - torque[node])
+
+    return read
 
 
 def _level(law: Law, speed: float, torque: float) -> float:

@@ -282,6 +282,7 @@ def test_the_drives_law_is_referred_to_the_motor_shaft():
         ({**model(), "kind": "base"}, "kind"),
         (model(("static-cling", "load", "", {})), "static-cling@load"),
         (model(("backlash", "transmission", "damped", {})), "gap"),
+        (model(("latent-law", "load", "speed", {"torque_0": 1.0, "torque_1": 2.0})), "low"),
         (model(("hysteresis", "transmission", "dahl", {"torque": 1.0})), "stiffness"),
         ({**model(), "base": {"stiffness": 1.0}}, "base.damping"),
         (model(rig={**RIG, "topology": "arm"}), "topology"),

@@ -344,6 +344,22 @@ def test_cogging_holds_its_torque_by_position_and_ripple_by_position_and_torque(
 # --- the load --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("at", "of"), [("motor", "angle"), ("load", "angle"), ("transmission", "wind-up")])
+def test_a_law_without_a_name_shifts_the_rest_by_what_its_table_reads_there(at, of):
+    """Constant beyond its nodes, straight between them: here -k times its variable, a spring."""
+    none, k = np.zeros(400), 3000.0
+    run = run_of((RATE, [channel("angle", "motor", "output", none), channel("angle", "arm", "output", none)]),
+                 experiment="free", arm_angle=0.5)  # fmt: skip
+    sign = 1.0 if at == "transmission" else -1.0
+    nodes = {f"torque_{i}": sign * k * (-0.8 + 0.2 * i) for i in range(9)}
+    table = {**entry("latent-law", at, of, **nodes), "range": [-0.8, 0.8]}
+    found = stepped(run, table, rig=UPRIGHT, gravity_moment=40.0)
+    torque = 40.0 * math.cos(0.5) + (k * 0.5 if at == "load" else 0.0)
+    stiffness = K + (k if at == "transmission" else 0.0)
+    assert found[MOTOR][0] / N - 0.5 == pytest.approx(torque / stiffness, rel=1e-4)
+    assert np.ptp(found[ARM]) < 1e-9
+
+
 def test_payload_moves_the_frequency_in_the_runs_that_carry_it_only():
     for weight in (0.0, 1.0):
         x = stepped(hit(), entry("payload", "load", "some-runs", {"a": weight}, inertia=0.6))[ARM]

@@ -72,8 +72,8 @@ def run(options: argparse.Namespace) -> int:
     answer["campaign"] = Path(os.path.relpath(options.campaign, options.out)).as_posix()
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
     write_text(options.out / "model.json", json.dumps(model, indent=2, allow_nan=False) + "\n")
-    write_augmented(model, options.out)
     write_text(options.out / "diagnosis.json", text)
+    write_augmented(model, options.out)
     print(text if options.json else summary(answer, options.out), end="")
     return 0
 
