@@ -203,11 +203,15 @@ def initial_state(assembly: Assembly, first_torque: float) -> Vector:
     if S[kernel.TABLE_SITE] == kernel.AT_LOAD:
         weight -= kernel.tabled(P, q0 if S[kernel.TABLE_OF] == kernel.OF_ANGLE else 0.0)
     twist = _twist(P, S, weight) if run.spring else 0.0
-    error = 0.0
-    for i in range(int(S[kernel.N_TE])):
-        amplitude, per_motor, per_load, phase = P[kernel.TE_0 + 4 * i : kernel.TE_0 + 4 * i + 4]
-        error += amplitude * math.sin(per_motor * (q0 + run.motor_zero) + per_load * q0 + phase)
-    x[0] = q0 + twist - error if run.spring else q0
+    x[0] = q0 + twist if run.spring else q0
+    for _ in range(8):  # the error depends on the motor's own angle: contracts by a order n << 1
+        error = 0.0
+        for i in range(int(S[kernel.N_TE])):
+            amplitude, per_motor, per_load, phase = P[kernel.TE_0 + 4 * i : kernel.TE_0 + 4 * i + 4]
+            error += amplitude * math.sin(per_motor * (x[0] + run.motor_zero) + per_load * q0 + phase)
+        if error == 0.0 or not run.spring:
+            break
+        x[0] = q0 + twist - error
     x[2] = q0
     x[3] = run.initial_speed
     x[1] = run.initial_speed if run.motor_moves else 0.0

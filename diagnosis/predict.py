@@ -83,12 +83,13 @@ def integrate(assembly: Assembly) -> Vector:
     elif not run.motor_moves and run.motor is not None:
         load = load + motor  # a rigid axis: the motor acts on the one inertia
     x = initial_state(assembly, float(motor[0]))
-    observed, command = run.observed_half, run.command_half
-    chain = assembly.chain
+    observed, command, chain = run.observed_half, run.command_half, assembly.chain
+    if run.command is not None and run.late_command and (chain.delay != 0.0 or chain.clock != 0.0):
+        command = shifted(run.command.signal, run, chain)
     if run.observed is not None and run.late_observed and (chain.delay != 0.0 or chain.clock != 0.0):
         observed = shifted(run.observed.signal, run, chain)
     if S[kernel.AT_LOOP] >= 0:
-        observed = _feed_forward(assembly)
+        observed = _feed_forward(assembly, command)
         scale = assembly.base("torque_scale") * chain.torque_gain
         for entry in (kernel.LOOP_P, kernel.LOOP_I, kernel.LOOP_LIMIT):
             P[entry] *= scale
@@ -100,16 +101,17 @@ def integrate(assembly: Assembly) -> Vector:
     return out
 
 
-def _feed_forward(assembly: Assembly) -> Vector:
+def _feed_forward(assembly: Assembly, command: Vector) -> Vector:
     """What the drive's law adds to its feedback, at half steps at the output [N m], shape (2 n + 1,)."""
     run = assembly.run
     factor = assembly.base("efficiency") * assembly.base("torque_scale") * assembly.chain.torque_gain
     acceleration, velocity = assembly.base("drive_acceleration"), assembly.base("drive_velocity")
-    total = np.zeros(run.command_half.size)
+    total = np.zeros(command.size)
     if velocity != 0.0:
-        total += factor * velocity * run.command_half
+        total += factor * velocity * command
     if acceleration != 0.0:
-        total += factor * acceleration * run.command_rate_half
+        rate = run.command_rate_half if command is run.command_half else np.gradient(command) * 2.0 * run.grid_rate
+        total += factor * acceleration * rate
     return total
 
 

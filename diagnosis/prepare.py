@@ -108,7 +108,7 @@ class PreparedRun:
         load_half, motor_half, command_half, observed_half: Inputs at half steps at the joint output; zeros where absent.
         command_rate_half: The speed command's rate [rad/s^2].
         load, motor, command: The same as functions of time, for effects that shift or filter them.
-        late_motor, late_observed: Whether their device is not the DAQ.
+        late_motor, late_observed, late_command: Whether their device is not the DAQ.
         torque_factor: Motor torque at the output per unit of the motor channel.
         initial_angle: Arm angle at the start [rad].
         initial_speed: Speed at the start [rad/s]; zero unless the run says that it does not begin at rest.
@@ -139,6 +139,7 @@ class PreparedRun:
     observed: Observed | None
     late_motor: bool
     late_observed: bool
+    late_command: bool
     torque_factor: float
     initial_angle: float
     initial_speed: float
@@ -361,6 +362,7 @@ def _prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fa
         observed=observed,
         late_motor=motor is not None and motor.device != daq,
         late_observed=observed is not None and observed.device != daq,
+        late_command=command is not None and command.device != daq,
         torque_factor=1.0 if motor is None else motor.factor,
         initial_angle=_initial_angle(run, rig, prescribed),
         initial_speed=_initial_speed(observed) if run.initial == "estimate" else 0.0,

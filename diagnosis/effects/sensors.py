@@ -61,17 +61,20 @@ def _force_possible(problem: Problem) -> str | None:
     return None if any(run.load is not None for run in problem.runs) else "no force was recorded"
 
 
-def _grid_rate(problem: Problem) -> float:
-    return min(run.grid_rate for run in problem.runs)
+def _rate(problem: Problem) -> float:
+    """Of the accelerometers [Hz]."""
+    return max(
+        (o.rate for run in problem.runs for o in run.outputs if "acceleration" in o.quantity), default=1000.0
+    )
 
 
 def _resonance_sizes(problem: Problem) -> tuple[float, float, float]:
-    top = 0.4 * _grid_rate(problem)
-    return top, 0.4 * top, 0.15 * top
+    rate = _rate(problem)
+    return 2.0 * rate, 0.7 * rate, 0.3 * rate
 
 
 def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    return {"frequency": (0.3 * problem.scales.frequency, 0.44 * _grid_rate(problem))}
+    return {"frequency": (0.3 * problem.scales.frequency, 20.0 * _rate(problem))}
 
 
 def _levels(problem: Problem) -> tuple[float, float, float]:
