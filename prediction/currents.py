@@ -71,7 +71,13 @@ def current_vector(phases: tuple[Real, Real, Real]) -> Complex:
 
 def current_noise(phases: tuple[Real, Real, Real]) -> float:
     """Standard deviation of one phase's noise [A], from what keeps their sum from zero (an offset is no noise)."""
-    return float(np.std(np.sum(phases, axis=0)) / math.sqrt(3.0))
+    total = np.sum(phases, axis=0)
+    if float(np.max(np.abs(total))) > 1e-9 * float(np.max(np.abs(phases))):
+        return float(np.std(total) / math.sqrt(3.0))
+    # two measured phases and a third made from them: the sum says nothing; what is left is the samples' own roughness,
+    # fourth differences of white noise having 70 times its variance
+    rough = [float(np.median(np.abs(np.diff(phase, 4)))) / (0.6745 * math.sqrt(70.0)) for phase in phases[:2]]
+    return max(rough)
 
 
 def torque_from_currents(
