@@ -39,6 +39,19 @@ SET_SHARES = {"H": 0.27, "S": 0.06, "M": 0.07, "HS": 0.28, "HSM": 0.32}
 EASIEST, HARDEST = 120.0, 4.5  # z_d that is aimed at
 MATERIAL = 0.005
 _TRIES = 4
+SHARED = (
+    "frequency",
+    "order",
+    "per_output",
+    "phase",
+    "damping",
+    "yield",
+    "stribeck_velocity",
+    "angle",
+    "side",
+    "sign",
+)
+RESHAPED = ("frequency", "yield", "stribeck_velocity", "damping")  # what a rival may change beside its strength
 
 
 @dataclass(frozen=True)
@@ -163,19 +176,54 @@ def _single(
     bench: Bench, yard: strength.Yardstick, pool: Sequence[Law], target: float, rng: np.random.Generator,
     fallback: Sequence[Law] = (),
 ) -> tuple[tuple[Effect, ...], strength.Strength]:  # fmt: skip
-    """One effect, scaled until z_d is about ``target`` (and the effect is material)."""
+    """One effect, scaled until z_d is about ``target`` (and the effect is material).
+
+    What turns out indistinguishable from a rival after all is tried again with other numbers, at last with another law.
+    """
     best: tuple[tuple[Effect, ...], strength.Strength] | None = None
     for attempt in range(3):
         laws = pool if attempt < 2 or not fallback else fallback
         effect = _start(laws[int(rng.integers(len(laws)))], bench.setting, rng)
-        against = rival_directions(yard, bench, effect, rng)
-        effect, measured = scale_to(yard, bench, effect, against, target)
+        try:
+            against = rival_directions(yard, bench, effect, rng)
+            effect, measured = scale_to(yard, bench, effect, against, target)
+            measured = _against_fitted_rival(yard, bench, effect, measured, against, rng)
+        except FloatingPointError:
+            continue
         if best is None or measured.z_d > best[1].z_d:
             best = ((effect,), measured)
         if measured.z >= 4.0 and measured.z_d >= min(4.0, target):
             return (effect,), measured
-    assert best is not None
+    if best is None:
+        raise RuntimeError(f"no law of {sorted({law.effect for law in pool})} can be simulated on this rig")
     return best
+
+
+def _against_fitted_rival(
+    yard: strength.Yardstick, bench: Bench, effect: Effect, measured: strength.Strength,
+    against: Mapping[str, Real], rng: np.random.Generator,
+) -> strength.Strength:  # fmt: skip
+    """z_d once more, with the nearest rival's own numbers fitted to this case."""
+    if not measured.nearest:
+        return measured
+    laws = _rival_laws(bench, measured.nearest)
+    r, _ = strength.residual(yard, (effect,))
+    rival = _like(effect, laws[int(rng.integers(len(laws)))], bench.setting, rng)
+    d, _ = strength.nearest_form(yard, r, rival, [name for name in RESHAPED if name in rival.values])
+    both = np.column_stack([against[measured.nearest], d])
+    left = strength.left_over(r, both) * float(np.sqrt(yard.scale))
+    return replace(measured, z_d=min(measured.z_d, left))
+
+
+def _like(effect: Effect, law: Law, setting: Setting, rng: np.random.Generator) -> Effect:
+    """A rival with the effect's own frequency, order, ... where it has such a parameter too."""
+    low, high = law.span(setting)
+    first = Effect(law, law.shape(setting, rng)).scaled(log_between(low, high, 0.4))
+    shared = {
+        name: value for name, value in effect.values.items()
+        if name in first.values and name != law.strength and name in SHARED
+    }  # fmt: skip
+    return Effect(law, {**first.values, **shared})
 
 
 def scale_to(
@@ -216,20 +264,22 @@ def rival_directions(
 ) -> dict[str, Real]:
     """What the look-alikes of ``effect`` would add; the three that come nearest in two more shapes and sizes."""
     r, _ = strength.residual(yard, (effect,))
+    pools = {rival: laws for rival in catalogue.rivals(effect.label) if (laws := _rival_laws(bench, rival))}
     found: dict[str, list[Real]] = {}
-    pools: dict[str, list[Law]] = {}
-    for rival in catalogue.rivals(effect.label):
-        laws = [
-            law for law in catalogue.laws("development")
-            if f"{law.effect}@{law.location}" == rival and not law.departs and law.applies(bench.setting)
-        ]  # fmt: skip
-        if laws:
-            pools[rival] = laws
-            found[rival] = [_direction(yard, bench, laws, 0.5, rng)]
+    for rival, laws in pools.items():
+        alike = _like(effect, laws[int(rng.integers(len(laws)))], bench.setting, rng)
+        found[rival] = [strength.direction(yard, alike)]
     nearest = sorted(found, key=lambda rival: strength.left_over(r, np.column_stack(found[rival])))[:3]
     for rival in nearest:
         found[rival] += [_direction(yard, bench, pools[rival], share, rng) for share in (0.25, 0.7)]
     return {rival: np.column_stack(columns) for rival, columns in found.items()}
+
+
+def _rival_laws(bench: Bench, label: str) -> list[Law]:
+    return [
+        law for law in catalogue.laws("development")
+        if f"{law.effect}@{law.location}" == label and not law.departs and law.applies(bench.setting)
+    ]  # fmt: skip
 
 
 def _direction(

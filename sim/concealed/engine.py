@@ -155,7 +155,7 @@ class Plant:
     stiffness: float
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy")
 def _march(
     model: int, data: int, qpos: Real, qvel: Real, qacc: Real, applied: Real, ctrl: Real, sensor: Real, gravity: Real,
     where: tuple[int, ...], laws: tuple[LoopLaw, ...], P: Real, X: Real, drive: Real, programme: Real,
@@ -235,6 +235,9 @@ def _march(
             out[k, 4] = qs + e
             out[k, 5] = -e
         _mj_step(model, data)  # type: ignore[call-overload]
+        if not abs(qacc[je]) < 1e8:  # it flies apart: stop before MuJoCo says so on every step
+            out[:, :] = np.nan
+            break
         if k >= 0:
             out[k, 0] = sensor[acc]
             out[k, 1] = sensor[acc + 2] + f[4]

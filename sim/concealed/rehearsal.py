@@ -238,8 +238,10 @@ def declared(channels: Mapping[str, Real], devices: Devices) -> dict[str, Real]:
     return {name: y for name, y in channels.items() if name not in absent}
 
 
-def replayed(rig: Rig, plan: Plan, index: int, record: Mapping[str, Real]) -> dict[str, Real]:
-    """What ``rig`` would read under the torque that a driven run logged; nothing is assumed of the drive.
+def replayed(
+    rig: Rig, plan: Plan, index: int, record: Mapping[str, Real], effects: Sequence[Effect] = ()
+) -> dict[str, Real]:
+    """What ``rig``, with ``effects``, would read under the torque that a driven run logged; nothing is assumed of the drive.
 
     The motor is tied to the recorded motor angle by a loose spring and damper (1 Hz), so that the rig doesn't drift
     away; what the tie can't follow is left to be compared.
@@ -248,16 +250,22 @@ def replayed(rig: Rig, plan: Plan, index: int, record: Mapping[str, Real]) -> di
     setting = plan.setting
     assert setting is not None
     times = grid(take)
-    torque = bandlimited(record["torque"], devices.log_rate)(times)
-    motor = bandlimited(record["motor"], devices.log_rate)(times) / joint.reduction_ratio
-    plant = compile_plant(rig, (), setting, plan.moment(index), take.angle)
+    fault = faults(effects, plan.moment(index))
+    stamped = times * (1.0 + 1e-6 * fault.ppm) + fault.delay  # where the log put what happened then
+    torque = bandlimited(record["torque"], devices.log_rate)(stamped)
+    motor = bandlimited(record["motor"], devices.log_rate)(stamped) / joint.reduction_ratio
+    moment = plan.moment(index)
+    plant = compile_plant(rig, effects, setting, moment, take.angle)
+    slots = tuple(e.law.loop(e.values, setting, moment) for e in effects if e.law.loop is not None)
     w = 2.0 * np.pi * TIE
     inertia = (joint.reflected_inertia + joint.load_inertia) / plant.ratio
     what = Drive(3, torque, (1.4 * w * inertia, w**2 * inertia), np.inf, 1, 0.0, motor)
-    moved = march(plant, start=take.angle, push=np.zeros(times.size), drive=what, gravity=rig.gravity)
-    return _read(
-        rig, plan, index, moved, {"force": np.zeros(times.size), "command": what.programme}, Acquisition()
-    )
+    moved = march(
+        plant, start=take.angle, push=np.zeros(times.size), drive=what, slots=slots, session=take.begin,
+        gravity=rig.gravity, settle=settle_time(effects),
+    )  # fmt: skip
+    given = {"force": np.zeros(times.size), "command": what.programme}
+    return _read(rig, plan, index, moved, given, faults(effects, moment))
 
 
 def rehearse(rig: Rig, plan: Plan, effects: Sequence[Effect], runs: Sequence[int]) -> list[dict[str, Real]]:

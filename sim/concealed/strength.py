@@ -59,6 +59,7 @@ class Yardstick:
         origin: Whitened misfit of the base on its own recordings (interpolation only).
         columns: What each free parameter's step takes away, shape (n, k).
         tangents: Orthonormal basis of all that is absorbed, shape (n, m).
+        scatter: The part of it that isn't the base's parameters, shape (n, m - k).
     """
 
     rig: Rig
@@ -71,6 +72,7 @@ class Yardstick:
     columns: Real = field(repr=False)
     steps: Mapping[str, float] = field(repr=False)
     tangents: Real = field(repr=False)
+    scatter: Real = field(repr=False)
 
 
 def changed(rig: Rig, changes: Mapping[str, float]) -> Rig:
@@ -149,18 +151,60 @@ def _whiten(misfits: Record, weights: Sequence[Mapping[str, Real]]) -> Real:
     return np.concatenate(parts)
 
 
-def _misfit(rig: Rig, plan: Plan, runs: Sequence[int], record: Record, base: Record | None) -> Record:
-    """What ``rig`` leaves of the recordings' outputs, given the recordings' inputs; ``base``: its hits, if known."""
+def _misfit(
+    rig: Rig, plan: Plan, runs: Sequence[int], record: Record, base: Record | None, effects: Sequence[Effect] = ()
+) -> Record:
+    """What ``rig``, with ``effects``, leaves of the recordings' outputs, given their inputs; ``base``: its hits, if known."""
     out: Record = []
     for place, run in enumerate(runs):
         if not plan.takes[run].braked:
-            model = replayed(rig, plan, run, record[place])
+            model = replayed(rig, plan, run, record[place], effects)
         elif base is not None:
             model = base[place]
         else:
-            model = clean_channels(rig, plan, run, ())
+            model = clean_channels(rig, plan, run, effects)
         out.append({name: record[place][name] - model[name] for name in ("acceleration", "arm", "motor")})
     return out
+
+
+def refitted(
+    yard: Yardstick, truth: Sequence[Effect], rival: Effect, free: Sequence[str], steps: int = 8
+) -> float:
+    """z_d by a full refit: how far ``rival``, with the base and its own parameters free, stays from ``truth``.
+
+    Levenberg-Marquardt on the whitened misfit, logarithms of the base's parameters, of the rival's strength and of its
+    ``free`` parameters as unknowns; hits' gain and timing projected out.
+    """
+    record = rehearse(yard.rig, yard.plan, truth, yard.runs)
+    names = list(yard.steps)
+
+    def left(x: Real) -> Real:
+        rig = changed(yard.rig, dict(zip(names, x[: len(names)], strict=True)))
+        values = dict(rival.values)
+        for name, shift in zip((rival.law.strength, *free), x[len(names) :], strict=True):
+            values[name] = values[name] * float(np.exp(shift))
+        misfit = _misfit(rig, yard.plan, yard.runs, record, None, (Effect(rival.law, values),))
+        return off(yard.scatter, _whiten(misfit, yard.weights) - yard.origin)
+
+    x = np.zeros(len(names) + 1 + len(free))
+    step = np.array([0.01] * len(names) + [0.1] + [0.03] * len(free))
+    r, damping = left(x), 1e-3
+    for _ in range(steps):
+        slopes = np.column_stack([(left(x + h * e) - r) / h for h, e in zip(step, np.eye(x.size), strict=True)])
+        size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
+        before = float(r @ r)
+        for _ in range(4):
+            scaled = slopes / size
+            move = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(x.size), scaled.T @ r) / size
+            trial = x + np.clip(move, -1.0, 1.0)
+            new = left(trial)
+            if float(new @ new) < before:
+                x, r, damping = trial, new, damping / 5.0
+                break
+            damping *= 10.0
+        if float(r @ r) > 0.98 * before:
+            break
+    return float(np.linalg.norm(r) * np.sqrt(yard.scale))
 
 
 def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
@@ -183,6 +227,7 @@ def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
     return Yardstick(
         rig=rig, plan=plan, runs=runs, scale=len(plan.takes) / len(runs), base=base, weights=weights, origin=origin,
         columns=matrix, steps=steps, tangents=_orthonormal(np.column_stack([matrix, *nuisance])),
+        scatter=_orthonormal(np.column_stack(nuisance)) if nuisance else np.zeros((origin.size, 0)),
     )  # fmt: skip
 
 
@@ -260,10 +305,45 @@ def _materiality(yard: Yardstick, r: Real, truth: Record) -> float:
 
 
 def direction(yard: Yardstick, rival: Effect) -> Real:
-    """What a rival would add, off the base's tangents."""
-    record = rehearse(yard.rig, yard.plan, (rival,), yard.runs)
+    """What a rival would add, off the base's tangents; nothing where it would fly apart."""
+    try:
+        record = rehearse(yard.rig, yard.plan, (rival,), yard.runs)
+    except FloatingPointError:
+        return np.zeros_like(yard.origin)
     misfit = _misfit(yard.rig, yard.plan, yard.runs, record, yard.base)
     return off(yard.tangents, _whiten(misfit, yard.weights) - yard.origin)
+
+
+def nearest_form(
+    yard: Yardstick, r: Real, rival: Effect, free: Sequence[str], rounds: int = 4
+) -> tuple[Real, Effect]:
+    """The form of ``rival`` that comes nearest to ``r``: its strength and ``free`` parameters fitted, the base linear.
+
+    Gauss-Newton in the logarithms, each step halved until it helps.
+
+    Returns:
+        Its direction, shape (n,), and the rival with those numbers.
+    """
+    names = (rival.law.strength, *free)
+    d = direction(yard, rival)
+    for _ in range(rounds):
+        columns = []
+        for name in names:
+            moved = direction(yard, Effect(rival.law, {**rival.values, name: rival.values[name] * 1.03}))
+            columns.append((moved - d) / 0.03)
+        step = np.clip(np.linalg.lstsq(np.column_stack(columns), r - d, rcond=1e-6)[0], -1.0, 1.0)
+        before, better = float(np.linalg.norm(r - d)), False
+        for share in (1.0, 0.3):
+            values = dict(rival.values)
+            for name, shift in zip(names, step, strict=True):
+                values[name] = values[name] * float(np.exp(share * shift))
+            trial = direction(yard, Effect(rival.law, values))
+            if np.any(trial) and float(np.linalg.norm(r - trial)) < before:
+                rival, d, better = Effect(rival.law, values), trial, True
+                break
+        if not better or float(np.linalg.norm(r - d)) > 0.97 * before:
+            break
+    return d, rival
 
 
 def left_over(r: Real, directions: Real) -> float:
