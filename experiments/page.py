@@ -21,7 +21,8 @@ p.note, figcaption { color: var(--quiet); font-size: .9rem; }
 div.wide { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { padding: .28rem .8rem .28rem 0; border-bottom: 1px solid var(--line); text-align: left; vertical-align: top; }
 th { color: var(--quiet); font-weight: 600; font-size: .85rem; } td.number { text-align: right; white-space: nowrap; }
-figure { margin: 1rem 0; } img { max-width: 100%; border-radius: 4px; }
+figure { margin: 1rem 0; } img { max-width: 100%; border-radius: 4px; } svg { max-width: 100%; height: auto; }
+div.side { display: flex; flex-wrap: wrap; gap: 1rem; } div.side > div { flex: 1 1 26rem; }
 @media print { body { max-width: none; } figure { break-inside: avoid; } }
 """
 
@@ -44,10 +45,14 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A heading and what stands under it, in this order: sentences, table, pictures, small print."""
+    """A heading and what stands under it, in this order: sentences, markup, table, pictures, small print.
+
+    ``markup`` is put in as it is (an inline SVG); whoever writes it escapes what it quotes.
+    """
 
     heading: str
     text: tuple[str, ...] = ()
+    markup: str = ""
     table: Table | None = None
     pictures: tuple[Picture, ...] = field(default=())
     notes: tuple[str, ...] = ()
@@ -69,6 +74,8 @@ def page(title: str, verdict: str, sections: Sequence[Section]) -> str:
 def _section(section: Section) -> str:
     parts = [f"<h2>{html.escape(section.heading)}</h2>"]
     parts += [f"<p>{html.escape(sentence)}</p>" for sentence in section.text]
+    if section.markup:
+        parts.append(section.markup)
     if section.table is not None:
         parts.append(_table(section.table))
     parts += [_picture(picture) for picture in section.pictures]

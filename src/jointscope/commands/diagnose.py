@@ -13,6 +13,8 @@ The verdict is one of
   unknown   a mismatch that nothing in the catalogue explains, or that these recordings can't tell apart
 
 DIR holds
+  report.html      the answer on one page: what, where, how sure, what to do next, and the evidence plot by plot
+                   (each figure also as PNG, its numbers as CSV)
   diagnosis.json   the answer, in full
   model.json       the model with the effects in it; jointscope predict runs it on new inputs
   augmented.xml    the same model in MJCF, effects.json what MJCF has no element for, base.xml the base alone;
@@ -44,6 +46,7 @@ def run(options: argparse.Namespace) -> int:
     import os
     from concurrent.futures import ThreadPoolExecutor
 
+    from jointscope import __version__
     from jointscope.atomic import write_text
     from jointscope.diagnosis.answer import diagnosis_json, finite_or_none
     from jointscope.diagnosis.effects import catalogue
@@ -51,6 +54,7 @@ def run(options: argparse.Namespace) -> int:
     from jointscope.diagnosis.pipeline import diagnose
     from jointscope.diagnosis.predict import free_prediction, predict_outputs
     from jointscope.diagnosis.prepare import prepare
+    from jointscope.experiments.diagnosis_report.report import Provenance, models_of, write_report
     from jointscope.models.effects import write_augmented
     from jointscope.recordings.reader import read_campaign
 
@@ -73,6 +77,13 @@ def run(options: argparse.Namespace) -> int:
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
     write_text(options.out / "model.json", json.dumps(model, indent=2, allow_nan=False) + "\n")
     write_text(options.out / "diagnosis.json", text)
+    report("drawing the report")
+    came_from = Provenance(
+        version=__version__,
+        campaign=options.campaign,
+        command=f"jointscope diagnose {options.campaign.resolve().name} --out {options.out.resolve().name}",
+    )
+    write_report(models_of(diagnosis), answer, free_prediction, options.out, came_from)
     write_augmented(model, options.out)
     print(text if options.json else summary(answer, options.out), end="")
     return 0

@@ -1,0 +1,87 @@
+"""Errors before and after as horizontal bars with the noise floor as a line, inline SVG."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from jointscope.experiments.diagnosis_report.traces import Trace
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Relative error of one group of channels with the base model and with the effects, and its floor [-]."""
+
+    label: str
+    base: float
+    corrected: float | None
+    floor: float
+
+
+def pairs(traces: Sequence[Trace], *, corrected: bool) -> tuple[Pair, ...]:
+    """One pair per experiment and channel of the held-out runs; of all runs where none was kept back."""
+    kept = [t for t in traces if t.held_out] or list(traces)
+    groups: dict[tuple[str, str], list[Trace]] = {}
+    for t in kept:
+        groups.setdefault((t.experiment, t.channel), []).append(t)
+    return tuple(
+        Pair(
+            f"{experiment}, {channel.replace('@', ' at ').replace('-', ' ')}",
+            _mean([t.base_error for t in members]),
+            _mean([t.corrected_error for t in members]) if corrected else None,
+            _mean([t.floor for t in members]),
+        )
+        for (experiment, channel), members in sorted(groups.items())
+    )
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [min(v, 100.0) for v in values if math.isfinite(v)]
+    return sum(known) / len(known) if known else float("nan")
+
+
+def error_bars(found: Sequence[Pair]) -> str:
+    """The drawing; the axis is logarithmic, as errors and floors are often decades apart."""
+    shown = [p for p in found if math.isfinite(p.base) and p.base > 0.0]
+    if not shown:
+        return ""
+    values = [v for p in shown for v in (p.base, p.corrected, p.floor) if v and math.isfinite(v) and v > 0.0]
+    low, high = math.floor(math.log10(min(values)) - 0.1), math.ceil(math.log10(max(values)) + 0.05)
+    left, width, row = 8.0, 480.0, 62.0
+
+    def x(value: float) -> float:
+        return left + width * (math.log10(max(value, 10.0**low)) - low) / (high - low)
+
+    bottom = row * len(shown) + 6.0
+    parts = [
+        "<style>.eb text{font:12px system-ui,sans-serif;fill:var(--ink)}.eb .grid{stroke:var(--line)}"
+        ".eb .b{fill:#d1495b}.eb .c{fill:#1f6fb2}.eb .f{stroke:var(--ink);stroke-width:2;stroke-dasharray:5 3}</style>"
+    ]
+    for decade in range(low, high + 1):
+        at = x(10.0**decade)
+        parts.append(f'<line class="grid" x1="{at:.1f}" x2="{at:.1f}" y1="4" y2="{bottom}"/>')
+        parts.append(
+            f'<text x="{at:.1f}" y="{bottom + 15}" text-anchor="middle">{100.0 * 10.0**decade:g} %</text>'
+        )
+    for index, pair in enumerate(shown):
+        top = row * index + 4.0
+        parts.append(f'<text x="{left}" y="{top + 12}" font-weight="600">{html.escape(pair.label)}</text>')
+        bars = [("b", pair.base, "base")]
+        if pair.corrected is not None and math.isfinite(pair.corrected):
+            bars.append(("c", pair.corrected, "corrected"))
+        for line, (kind, value, name) in enumerate(bars):
+            y = top + 17.0 + 17.0 * line
+            parts.append(
+                f'<rect class="{kind}" x="{left}" y="{y}" width="{max(x(value) - left, 1.0):.1f}" height="13"/>'
+            )
+            parts.append(f'<text x="{x(value) + 5:.1f}" y="{y + 11}">{name} {100.0 * value:.3g} %</text>')
+        if math.isfinite(pair.floor) and pair.floor > 0.0:
+            at = x(pair.floor)
+            parts.append(f'<line class="f" x1="{at:.1f}" x2="{at:.1f}" y1="{top + 15}" y2="{top + 52}"/>')
+    parts.append(f'<text x="{left}" y="{bottom + 32}">RMS error over RMS signal; dashed: noise floor</text>')
+    return (
+        f'<svg class="eb" viewBox="0 0 610 {bottom + 38}" width="610" role="img">'
+        f"<title>Prediction error per experiment and channel</title>{''.join(parts)}</svg>"
+    )

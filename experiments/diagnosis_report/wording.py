@@ -1,0 +1,174 @@
+"""The answer in a lab engineer's words: what each effect is called, its size in the units of the trade, what to do."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
+
+CALLED = {
+    "coulomb-friction": "dry friction",
+    "stribeck-friction": "dry friction with a higher breakaway torque",
+    "load-dependent-friction": "friction that grows with the transmitted torque",
+    "quadratic-damping": "drag that grows with the square of the speed",
+    "backlash": "backlash (lost motion)",
+    "stiffness-nonlinearity": "a stiffness that changes with the torque",
+    "hysteresis": "hysteresis",
+    "structural-damping": "structural damping in place of viscous damping",
+    "transmission-error": "a transmission error that repeats with position",
+    "torque-ripple": "torque ripple or cogging",
+    "drive-lag": "a torque that lags the logged one",
+    "torque-gain": "a torque constant or efficiency that is off",
+    "gravity": "a gravity torque that the model lacks",
+    "payload": "an added inertia in some of the runs",
+    "link-flexibility": "a bending mode of the arm",
+    "base-compliance": "a mount that moves",
+    "neighbour-flexibility": "the elasticity of a neighbouring joint",
+    "end-stop": "contact with an end stop",
+    "stiffness-drift": "a stiffness that changes over time",
+    "external-vibration": "a periodic disturbance from outside",
+    "delay": "a delay between the recording devices",
+    "clock-drift": "recording clocks that run at different rates",
+    "sensor-tilt": "a tilted accelerometer",
+    "sensor-resonance": "a resonance of the accelerometer's mount",
+    "sensor-saturation": "clipping of the accelerometer",
+    "sensor-gain": "a wrong sensor sensitivity or radius",
+    "torque-logging": "a torque log that is held or averaged at a low rate",
+}
+PLACES = {
+    "motor": "in the motor",
+    "transmission": "in the reducer",
+    "load": "at the arm",
+    "base": "at the base",
+    "neighbour": "in the neighbouring joint",
+    "acquisition": "in the measuring chain, not in the joint",
+}
+SENSORS = ("sensor-tilt", "sensor-resonance", "sensor-saturation", "sensor-gain")
+
+
+def called(name: str, *, translational: bool = False) -> str:
+    """``effect@location`` in words; a name that is not in the list is shown as it is."""
+    effect, _, location = name.partition("@")
+    place = "at the carriage" if translational and location == "load" else PLACES.get(location, location)
+    return f"{CALLED.get(effect, effect)} {place}".strip()
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number to ``digits`` figures, without exponent where it can be read without one."""
+    if value is None or not math.isfinite(value):
+        return "not determined"
+    if value != 0.0 and not 1e-3 <= abs(value) < 1e6:
+        return f"{value:.{digits}g}"
+    decimals = max(0, digits - 1 - (math.floor(math.log10(abs(value))) if value else 0))
+    return f"{value:.{decimals}f}"
+
+
+def interval(parameter: dict[str, Any], factor: float = 1.0) -> str:
+    """The 95 % interval as ``low to high``."""
+    low, high = parameter["interval95"]
+    if low is None or high is None:
+        return "not determined"
+    return f"{figure(low * factor, 4)} to {figure(high * factor, 4)}"
+
+
+def trade_unit(unit: str) -> tuple[str, float] | None:
+    """The unit that catalogues use beside the SI one, and the factor: arcmin for angles, N m/arcmin for stiffness."""
+    if unit == "rad":
+        return "arcmin", ARCMIN_PER_RAD
+    if unit == "N m/rad":
+        return "N m/arcmin", 1.0 / ARCMIN_PER_RAD
+    return None
+
+
+def sized(name: str, parameter: dict[str, Any]) -> str:
+    """``name value unit (value in the trade's unit)``, with its interval."""
+    unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+    text = f"{name.replace('_', ' ')} {figure(parameter['value'])}{unit}"
+    other = trade_unit(parameter["unit"])
+    if other and parameter["value"] is not None:
+        text += f" = {figure(parameter['value'] * other[1])} {other[0]}"
+    return f"{text} (95 %: {interval(parameter)}{unit})"
+
+
+def percent(share: float | None) -> str:
+    """A relative error as a percentage."""
+    if share is None:
+        return "unknown"
+    return f"{figure(100.0 * share, 2 if share < 0.1 else 3)} %"
+
+
+def verdict_sentence(answer: dict[str, Any], *, translational: bool) -> str:
+    """What is wrong, where, how large and how sure, in one sentence."""
+    sure = f"{100.0 * answer['verdict_probability']:.0f} %"
+    if answer["verdict"] == "none":
+        off = ", ".join(name.replace("_", " ") for name in answer["parameter_shift"])
+        shifts = f" The nameplate was off, however, in {off}: see the table of parameters." if off else ""
+        return (
+            "Nothing is missing from the model: with its parameters refitted it meets the recordings to within their "
+            f"noise (probability {sure}){_fit(answer, 'base_error')}.{shifts}"
+        )
+    if answer["verdict"] == "unknown":
+        return _unknown(answer, sure, translational)
+    parts = []
+    for effect in answer["effects"]:
+        first = next(iter(effect["parameters"].items()), None)
+        size = f", {sized(*first)}" if first else ""
+        parts.append(called(f"{effect['effect']}@{effect['location']}", translational=translational) + size)
+    kind = (
+        "The model leaves out"
+        if answer["held_out"]
+        else "A candidate only, as no run could be held out: the model leaves out"
+    )
+    return f"{kind} {'; and '.join(parts)}; probability {sure}{_fit(answer, 'augmented_error')}."
+
+
+def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
+    candidates = answer.get("candidates") or []
+    if answer["unknown_reason"] == "not-identifiable" and candidates:
+        listed = "; or ".join(
+            " with ".join(called(name, translational=translational) for name in names) for names in candidates[:4]
+        )
+        return f"The model leaves something out, but these recordings can't tell which of these it is: {listed} (together {sure})."
+    return (
+        "The recordings differ from the model by more than their noise, and no effect of the catalogue explains it "
+        f"(probability {sure})."
+    )
+
+
+def _fit(answer: dict[str, Any], key: str) -> str:
+    held = answer["held_out"]
+    if not held or held[key] is None:
+        return ""
+    count = len(held["runs"])
+    runs = f"the {count} held-out runs" if count > 1 else "the held-out run"
+    if key == "base_error" or held["base_error"] is None:
+        return f"; on {runs} the fit is {percent_fit(held[key])}"
+    return f"; with it in the model the fit on {runs} rises from {percent_fit(held['base_error'])} to {percent_fit(held[key])}"
+
+
+def percent_fit(error: float) -> str:
+    """100 (1 - relative error) %, to the digits that still tell two good fits apart."""
+    fit = 100.0 * (1.0 - error)
+    digits = 1 if error > 0.02 else 2
+    return f"{fit:.{digits}f} %"
+
+
+def next_step(answer: dict[str, Any]) -> str:
+    """What to do now."""
+    if answer["next_experiment"]:
+        return f"Record next: {answer['next_experiment']}"
+    if answer["verdict"] == "none":
+        return "Use the refitted parameters below. No further recording is needed for this question."
+    if answer["verdict"] == "unknown":
+        return (
+            "Look at the residuals below for what they grow with (speed, position, level, frequency), and record again "
+            "with that one quantity varied and the rest held."
+        )
+    acquisition = all(e["location"] == "acquisition" for e in answer["effects"])
+    if acquisition:
+        return "Put the measuring chain right, or keep the correction in model.json, before you change the joint's model."
+    return (
+        "Add it to your model: model.json and augmented.xml hold it; jointscope confirm replays the held-out runs "
+        "in MuJoCo with and without it."
+    )
