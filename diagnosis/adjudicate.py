@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
-from jointscope.diagnosis.noise import ANGULAR, MAX_ORDER, NoiseModel
+from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
-from jointscope.diagnosis.search import Hypothesis, profile_loss
+from jointscope.diagnosis.search import Hypothesis
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import PreparedRun
@@ -29,8 +29,12 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 REAL = 8.0  # nats beyond the Occam cost, ~ ln of the candidates tried plus odds of 20 to 1
+REAL_FURTHER = 20.0  # the same of any further effect, which has the rest of an imperfect law to feed on
+OF_PARENT = 0.005  # and of the parent's own gain over the base
 CARRIES_OVER = 0.35  # held-out gain per sample over fitted gain per sample
 MATERIAL = 0.002  # drop of RMS error over RMS signal, in the channel and experiment that show it most
+SHARE_FIRST = 0.02  # of the parent's error that the first effect must remove, where it removes most
+SHARE_FURTHER = 0.08  # the same of any further effect
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 POLISHED = 4  # leading hypotheses that are refitted under the final noise
 
@@ -76,6 +80,10 @@ class Comparison:
         expected_held: What the fitted gain would make of it in proportion to the samples [nats].
         share_of_runs: Held-out runs that gain.
         material: Largest drop of relative error over channels and experiments [-].
+        share: Largest drop of error relative to the parent's [-].
+        first: Whether the parent is the base: a further effect must explain more of what is left, since what a law of
+            the right name but the wrong form leaves is always explained by something.
+        parent_gain: The parent's gain over the base [nats].
     """
 
     gain: float
@@ -83,11 +91,14 @@ class Comparison:
     expected_held: float
     share_of_runs: float
     material: float
+    share: float
+    first: bool
+    parent_gain: float
 
     @property
     def real(self) -> bool:
         """Beyond chance on the fitted runs."""
-        return self.gain > REAL
+        return self.gain > (REAL if self.first else max(REAL_FURTHER, OF_PARENT * self.parent_gain))
 
     @property
     def carries_over(self) -> bool:
@@ -99,7 +110,8 @@ class Comparison:
     @property
     def stands(self) -> bool:
         """Real, carried over and material."""
-        return self.real and self.carries_over and self.material > MATERIAL
+        needed = SHARE_FIRST if self.first else SHARE_FURTHER
+        return self.real and self.carries_over and self.material > MATERIAL and self.share > needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,20 +135,40 @@ class Judgement:
 
 
 def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, ...]) -> Judgement:
-    """Put the base and every hypothesis on the noise of the best, polish the leading ones, predict the held-out runs."""
-    base = Hypothesis((), stage.fit, profile_loss(stage.objective, stage.fit.w))
-    ordered = sorted(hypotheses, key=lambda h: h.loss)
-    best = ordered[0] if ordered and ordered[0].loss < base.loss else base
-    objective, noise, _ = rewhiten(stage.objective, best.fit, stage.noise, MAX_ORDER)
+    """Put the base and every hypothesis on the noise of the best, refit the leading ones, predict the held-out runs."""
+    everything = [Hypothesis((), stage.fit, 0.0), *hypotheses]
+    objective, noise = stage.objective, stage.noise
+    best = min(everything[1:], key=lambda h: h.loss, default=everything[0])
+    for _ in range(2):
+        objective, noise, _ = rewhiten(objective, best.fit, noise, MAX_ORDER)
+        everything = [_viewed(objective, h) for h in everything]
+        leading = sorted(everything[1:], key=lambda h: h.loss)[:POLISHED]
+        parts = [h for h in everything if any(set(h.names) < set(lead.names) for lead in leading)]
+        again = {id(h) for h in (*leading, *parts)}
+        everything = [_polished(objective, h) if id(h) in again else h for h in everything]
+        before, best = best, min(everything, key=lambda h: h.loss)
+        if best.names == before.names:
+            break
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
-    judged = []
-    for rank, hypothesis in enumerate([base, *ordered]):
-        if rank <= POLISHED:
-            fit = least_squares(objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=6)
-            hypothesis = replace(hypothesis, fit=fit)
-        judged.append(_evidence(hypothesis, objective, held))
-    return Judgement(tuple(judged), objective, held, noise)
+    judged = tuple(_evidence(h, objective, held) for h in everything)
+    return Judgement(judged, objective, held, noise)
+
+
+def _viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
+    fit = replace(hypothesis.fit, w=w, fresh=False)
+    return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + _occam(hypothesis, len(w)))
+
+
+def _polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    fit = least_squares(objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=8)
+    return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + _occam(hypothesis, len(fit.w)))
+
+
+def _occam(hypothesis: Hypothesis, samples: int) -> float:
+    where = hypothesis.fit.coordinates
+    return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2))
 
 
 def _evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
@@ -145,25 +177,30 @@ def _evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> 
     w = np.concatenate([objective.whiten_run(i, p) for i, p in enumerate(predictions)])
     held_predictions = held.predictions(theta, effects)
     held_chi2 = np.array([float(np.sum(np.square(held.whiten_run(i, p)))) for i, p in enumerate(held_predictions)])
-    k = hypothesis.fit.coordinates.n - hypothesis.fit.coordinates.n_base
-    return Judged(
-        hypothesis, float(w @ w), held_chi2, 0.5 * k * math.log(max(len(w), 2)), predictions, held_predictions
-    )
+    return Judged(hypothesis, float(w @ w), held_chi2, _occam(hypothesis, len(w)), predictions, held_predictions)
 
 
-def improvement(runs: Sequence[PreparedRun], before: Predictions, after: Predictions) -> float:
-    """Largest drop of RMS error over RMS signal, pooled over runs of one experiment and channel [-]."""
+def improvement(runs: Sequence[PreparedRun], before: Predictions, after: Predictions) -> tuple[float, float]:
+    """Largest drop of RMS error, over the signal's RMS and over the error before, of any experiment and channel [-].
+
+    An angle's signal is what it does within a quarter second: slower than that the observer follows the recording.
+    """
     pooled: dict[tuple[object, ...], list[float]] = {}
     for run, a, b in zip(runs, before, after, strict=True):
         for output, ya, yb in zip(run.outputs, a, b, strict=True):
             key = (run.run.experiment, output.quantity, output.location, output.direction)
             total = pooled.setdefault(key, [0.0, 0.0, 0.0])
             data = output.data[output.mask]
-            reference = data - data[0] if output.quantity in ANGULAR else data
-            for k, x in enumerate((data - ya[output.mask], data - yb[output.mask], reference)):
+            for k, x in enumerate((data - ya[output.mask], data - yb[output.mask])):
                 total[k] += float(x @ x)
-    drops = [(math.sqrt(p) - math.sqrt(c)) / math.sqrt(s) for p, c, s in pooled.values() if s > 0.0]
-    return max(drops, default=0.0)
+            total[2] += dynamic_level(output) ** 2 * len(data)
+    drops = [
+        ((math.sqrt(p) - math.sqrt(c)) / math.sqrt(s), 1.0 - math.sqrt(c / p))
+        for p, c, s in pooled.values()
+        if s > 0.0 and p > 0.0
+    ]
+    absolute = max((a for a, _ in drops), default=0.0)
+    return absolute, max((r for a, r in drops if a > MATERIAL), default=0.0)
 
 
 def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
@@ -171,12 +208,22 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     samples = max(len(parent.fit.w), 1)
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / samples)
     raw = 0.5 * (parent.chi2 - child.chi2) / overdispersion
+    parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    material = improvement(
+    material, share = improvement(
         runs, (*parent.predictions, *parent.predictions_held), (*child.predictions, *child.predictions_held)
     )
     if child.held_out.size == 0:
-        return Comparison(raw - child.occam + parent.occam, math.nan, math.nan, math.nan, material)
+        return Comparison(
+            raw - child.occam + parent.occam,
+            math.nan,
+            math.nan,
+            math.nan,
+            material,
+            share,
+            not parent.names,
+            parent_gain,
+        )
     held = 0.5 * (parent.held_out - child.held_out) / overdispersion
     sizes = sum(sum(w.sizes) for w in judgement.held.whiteners)
     return Comparison(
@@ -185,6 +232,9 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         raw * sizes / samples,
         float(np.mean(held > 0.0)),
         material,
+        share,
+        not parent.names,
+        parent_gain,
     )
 
 

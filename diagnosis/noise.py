@@ -24,7 +24,8 @@ Vector = NDArray[np.float64]
 Key = tuple[object, ...]
 
 MAX_ORDER = 12
-RELATIVE_FLOOR = 1e-3  # of a signal's rms: no instrument chain is modelled more closely than this
+RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
+ANGULAR_FLOOR = 0.03  # the same of what an observed angle does: its innovation is the model's error twice integrated
 ENVELOPE_WINDOW = 0.05  # s
 GAIN_BOUNDS = (0.002, 0.05)  # standard deviation of a hit's gain [-]
 TIMING_BOUNDS = (3e-6, 2e-4)  # of a hit's time [s]
@@ -165,7 +166,8 @@ def block_noise(
         quantum: Step of the recorder [the output's unit].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
-    floor = max(RELATIVE_FLOOR * level, quantum / np.sqrt(12.0), 1e-300)
+    share = ANGULAR_FLOOR if outputs[0].quantity in ANGULAR else RELATIVE_FLOOR
+    floor = max(share * level, quantum / np.sqrt(12.0), 1e-300)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):
         env = envelope(output)

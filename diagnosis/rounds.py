@@ -24,6 +24,7 @@ from jointscope.diagnosis.search import (
     fit_pairs,
     fit_singles,
     profile_loss,
+    rivals,
     screen_on,
 )
 
@@ -106,7 +107,7 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
     for i in range(len(coloured.runs)):
         old, new = coloured.whiten_run(i, before[i]), coloured.whiten_run(i, after[i])
         gain += 0.5 * float(old @ old - new @ new)
-    return gain > PROMISING * added and improvement(arena.objective.prepared, before, after) > 0.5 * MATERIAL
+    return gain > PROMISING * added and improvement(arena.objective.prepared, before, after)[0] > 0.5 * MATERIAL
 
 
 def explore(
@@ -123,6 +124,10 @@ def explore(
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, arena.hypotheses
+    known = {name for h in arena.hypotheses for name in h.names}
+    alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
+    if alike:
+        arena = settled(arena, alike, effort)
     report("fitting pairs")
     for parent in arena.hypotheses[: effort.beam]:
         pairs.extend(extend(arena.objective, parent, screening, effort))

@@ -311,5 +311,61 @@ def extend(objective: Objective, parent: Hypothesis, before: Screening, effort: 
 
 
 def candidates_for(problem: Problem, specs: Sequence[EffectSpec]) -> list[ActiveEffect]:
-    """Every trial of every effect that these channels and experiments can show."""
-    return [active for spec in specs if spec.possible(problem) is None for active in trial_effects(spec, problem)]
+    """Every trial of every effect that these channels and experiments can show.
+
+    Laws with few shapes are tried small, medium and large: what play or friction does at one size is no guide to
+    another.
+    """
+    found: list[ActiveEffect] = []
+    for spec in specs:
+        if spec.possible(problem) is None:
+            shapes = len(spec.starts(problem))
+            sizes = (0, 1, 2) if shapes == 1 else (0, 1) if shapes <= 3 else (1,)
+            found.extend(trial_effects(spec, problem, sizes))
+    return found
+
+
+def rivals(
+    objective: Objective,
+    base: Fit,
+    leader: Hypothesis,
+    candidates: Sequence[ActiveEffect],
+    known: set[str],
+    effort: Effort,
+) -> list[Hypothesis]:
+    """Fit the look-alikes of a leading set's effects in their place, which the screening may have missed.
+
+    Args:
+        base: The base's fit.
+        candidates: Trials of every law.
+        known: Names whose fits exist already.
+    """
+    found: list[Hypothesis] = []
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    for position, spec in enumerate(leader.specs):
+        others = tuple(e for k, e in enumerate(effects) if k != position)
+        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
+        for name in spec.look_alikes:
+            trials = [c for c in candidates if c.spec.name == name and name_of(c.spec) not in known]
+            trials = [c for c in trials if name_of(c.spec) not in names_of(kept)]
+            if not trials:
+                continue
+            active = _nearest(objective, theta, others, trials)
+            known.add(name_of(active.spec))
+            fit = fit_child(objective, base, [*others, active], effort, [theta])
+            if fit is not None:
+                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+    return found
+
+
+def _nearest(
+    objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...], trials: Sequence[ActiveEffect]
+) -> ActiveEffect:
+    """The trial with which the data are best predicted as they stand."""
+
+    def cost(active: ActiveEffect) -> float:
+        parts = [objective.run_residual(i, theta, (*effects, active)) for i in range(len(objective.runs))]
+        return float(sum(p @ p for p in parts))
+
+    costs = objective.map(cost, trials)
+    return trials[int(np.argmin(costs))]
