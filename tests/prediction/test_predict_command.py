@@ -117,3 +117,32 @@ def test_renaming_everything_renames_the_columns_and_nothing_else(laid_out):
     predict(laid_out, "inputs", "two", "--declared")
     one, two = rows(laid_out / "one/hit.csv"), rows(laid_out / "two/other.csv")
     assert [row["a"] for row in one] == [row["z"] for row in two]
+
+
+def test_a_diagnosed_model_is_handed_to_the_room_that_wrote_it(laid_out, monkeypatch):
+    """Any other kind goes to the diagnosis; its channels are known by their column, as it may have copied them."""
+    from dataclasses import replace
+
+    from jointscope.diagnosis import predict_file
+
+    def predicted(model, campaign):
+        assert model["kind"] == "diagnosis"
+        return {
+            run.id: [
+                (
+                    replace(signal, channel=replace(signal.channel, samples=None)),
+                    np.full(signal.stream.length, 0.5),
+                )
+                for signal in run.select(role="output", recorded=False)
+            ]
+            for run in campaign.runs
+        }
+
+    monkeypatch.setattr(predict_file, "predict_campaign", predicted)
+    (laid_out / "model.json").write_text('{"format": "jointscope-model/1", "kind": "diagnosis"}')
+    assert predict(laid_out, "full", "out", "--no-pictures") == 0
+    table = rows(laid_out / "out/hit.csv")
+    assert table[0]["a"] == "0.5"
+    assert float(table[0]["q, deg"]) == pytest.approx(np.degrees(0.5))
+    scores = json.loads((laid_out / "out/scores.json").read_text())
+    assert set(scores["runs"]["hit"]["channels"]) == {"a", "q, deg"}

@@ -29,10 +29,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from jointscope.prediction.base_model import ChannelPrediction, RunPrediction
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from jointscope.prediction.base_model import RunPrediction
     from jointscope.prediction.run_scores import ChannelScore
     from jointscope.prediction.uncertainty import ChannelBand
-    from jointscope.recordings.campaign import Campaign
+    from jointscope.recordings.campaign import Campaign, Run, Signal
 
 MOST_PICTURES = 12
 
@@ -88,7 +93,7 @@ def _predicted(model: Path, campaign: Campaign, declared: bool) -> list[RunPredi
     import json
 
     from jointscope.errors import InputError
-    from jointscope.prediction.base_model import outputs_of, predict_campaign
+    from jointscope.prediction.base_model import predict_campaign
     from jointscope.progress import track
 
     try:
@@ -107,24 +112,25 @@ def _predicted(model: Path, campaign: Campaign, declared: bool) -> list[RunPredi
         return list(track(made, "predict", len(campaign.runs)))
     from jointscope.diagnosis.predict_file import predict_campaign as predict_diagnosis
 
-    wanted = {run.id: {id(s.channel) for s in outputs_of(run, declared=declared)} for run in campaign.runs}
     by_run = predict_diagnosis(content, campaign)
-    return [_wrapped(run, by_run.get(run.id, []), wanted[run.id]) for run in campaign.runs]
+    return [_wrapped(run, by_run.get(run.id, []), declared) for run in campaign.runs]
 
 
-def _wrapped(run: object, pairs: list, wanted: set[int]) -> RunPrediction:  # type: ignore[type-arg]
-    from jointscope.prediction.base_model import ChannelPrediction, RunPrediction, channel_times
+def _wrapped(run: Run, pairs: Sequence[tuple[Signal, NDArray[np.float64]]], declared: bool) -> RunPrediction:
+    """A diagnosis's predictions as this command's; a column's name is unique within its run."""
+    from jointscope.prediction.base_model import ChannelPrediction, RunPrediction, channel_times, outputs_of
 
-    channels: list[ChannelPrediction] = [
-        ChannelPrediction(signal, channel_times(signal, run), values)  # type: ignore[arg-type]
-        for signal, values in pairs
-        if id(signal.channel) in wanted
-    ]
+    values = {signal.channel.column: predicted for signal, predicted in pairs}
+    channels = tuple(
+        ChannelPrediction(signal, channel_times(signal, run), values[signal.channel.column])
+        for signal in outputs_of(run, declared=declared)
+        if signal.channel.column in values
+    )
     return RunPrediction(
-        run=run,  # type: ignore[arg-type]
-        channels=tuple(channels),
-        closed_loop=bool(run.select("speed-command", role="input")),  # type: ignore[attr-defined]
-        legitimate=(0.0, 0.5 * min((c.signal.sampling_rate for c in channels), default=0.0)),
+        run=run,
+        channels=channels,
+        closed_loop=bool(run.select("speed-command", role="input")),
+        legitimate=(0.0, 0.5 * max((s.sampling_rate for s in run.select(role="input")), default=0.0)),
     )
 
 
