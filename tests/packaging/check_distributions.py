@@ -20,7 +20,9 @@ def main() -> int:
     rooms = sorted(path.name for path in (ROOT / "src" / "jointscope").iterdir() if path.is_symlink())
     wanted = [name for name in tracked if name.split("/")[0] in rooms and name.endswith((".py", *DATA))]
     with tempfile.TemporaryDirectory() as scratch:
-        subprocess.run([sys.executable, "-m", "build", "--outdir", scratch, str(ROOT)], check=True, capture_output=True)
+        subprocess.run(
+            [sys.executable, "-m", "build", "--outdir", scratch, str(ROOT)], check=True, capture_output=True
+        )
         wheel = next(Path(scratch).glob("*.whl"))
         sdist = next(Path(scratch).glob("*.tar.gz"))
         in_wheel = set(zipfile.ZipFile(wheel).namelist())

@@ -1,6 +1,7 @@
 """Files and folders appear whole or not at all."""
 
 import pytest
+
 from jointscope.atomic import new_directory, replaced_file, write_text
 
 
