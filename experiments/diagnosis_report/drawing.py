@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 from collections.abc import Mapping
 
 from jointscope.experiments.diagnosis_report.wording import SENSORS
@@ -22,7 +23,7 @@ _CARRIAGE: dict[str, tuple[Box, str]] = {
     "load": ((280, 92, 180, 86), "carriage"),
     "base": ((102, 206, 470, 26), "base"),
     "acquisition": ((222, 10, 148, 40), "logger"),
-    "sensors": ((480, 78, 62, 26), "sensors"),
+    "sensors": ((390, 62, 62, 24), "sensors"),
 }
 _INERTIA: dict[str, tuple[Box, str]] = {
     "transmission": ((180, 92, 104, 86), "spring"),
@@ -37,7 +38,8 @@ STYLE = """<style>.jd text{font:13px system-ui,sans-serif;fill:var(--ink);text-a
 .jd .dots{stroke-dasharray:4 3}.jd .lit{stroke:#c2410c;stroke-width:4;fill:url(#hatch)}.jd .maybe{stroke-dasharray:9 5}
 .jd .label{font-weight:700;paint-order:stroke;stroke:var(--paper);stroke-width:4px}</style>
 <defs><pattern id="hatch" width="9" height="9" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
-<rect width="9" height="9" fill="#f59e0b" fill-opacity=".25"/><line x1="0" y1="0" x2="0" y2="9" stroke="#c2410c" stroke-width="3"/>
+<rect width="9" height="9" fill="#f59e0b" fill-opacity=".25"/>
+<line x1="0" y1="0" x2="0" y2="9" stroke="#c2410c" stroke-width="3"/>
 </pattern></defs>"""
 
 
@@ -84,12 +86,12 @@ def _wires(parts: Mapping[str, tuple[Box, str]]) -> str:
         for x in range(int(base[0]), int(base[0] + base[2]) + 14, 14)
     ]
     chain = [p for p in ("neighbour", "motor", "transmission", "load") if p in parts and p != "neighbour"]
-    for left, right in zip(chain, chain[1:], strict=False):
+    for left, right in itertools.pairwise(chain):
         a, b = parts[left][0], parts[right][0]
         y = 135.0
         lines.append(f'<path class="wire" style="stroke-width:5" d="M{a[0] + a[2]} {y}H{b[0]}"/>')
     held = "motor" if "motor" in parts else chain[0]
-    for place in {held, "transmission" if "transmission" in parts else held}:
+    for place in dict.fromkeys((held, "transmission" if "transmission" in parts else held)):
         box = parts[place][0]
         x = box[0] + box[2] / 2
         lines.append(f'<path class="wire" d="M{x} {box[1] + box[3]}V{base[1]}"/>')

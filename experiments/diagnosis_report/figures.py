@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ UNITS = {
 }  # fmt: skip
 _PERIODS = 14.0  # of the strongest frequency, shown in time
 _FORWARD, _REVERSE = ("o", plot_style.MEASURED), ("x", plot_style.PREDICTED)
+_DECADE = 10.0  # beyond this span errors are drawn on a logarithmic axis
 _DOTS = 1500  # marks per direction: enough to see the law, few enough to print
 
 
@@ -66,9 +68,7 @@ def bands(x: Vector, rate: float, per_octave: int = 3) -> tuple[Vector, Vector]:
     step = f[1]
     count = int(np.floor(per_octave * np.log2(f[-1] / (4.0 * step)))) if f[-1] > 8.0 * step else 1
     edges = 4.0 * step * 2.0 ** (np.arange(count + 1) / per_octave)
-    total = np.array(
-        [np.sqrt(step * np.sum(power[(f >= a) & (f < b)])) for a, b in zip(edges, edges[1:], strict=False)]
-    )
+    total = np.array([np.sqrt(step * np.sum(power[(f >= a) & (f < b)])) for a, b in itertools.pairwise(edges)])
     return np.sqrt(edges[:-1] * edges[1:]), total
 
 
@@ -191,12 +191,12 @@ def against_level(traces: Sequence[Trace], path: Path, *, corrected: bool) -> Pl
                 filled = colour if held else "none"
                 axes.plot(x, 100 * y, mark, color=colour, markerfacecolor=filled, label=f"{which}: {name}")
                 columns[f"{channel}_{held}_{which}_error".replace("@", "_")] = y
-        axes.set(
-            xlabel="level: RMS torque of the hit [N m]",
-            ylabel="error [% of the signal]",
-            xscale="log",
-            yscale="log",
-        )
+        axes.set(xlabel="level: RMS torque of the hit [N m]", ylabel="error [% of the signal]")
+        errors = np.concatenate([c for name, c in columns.items() if name.endswith("_error")])
+        if errors.max() > _DECADE * errors.min() > 0.0:
+            axes.set_yscale("log")
+        else:
+            axes.set_ylim(bottom=0.0)
         axes.legend(fontsize=7)
         save(figure, path, columns)
     return Plot(
@@ -242,7 +242,8 @@ def against_motion(balance: Balance, path: Path) -> Plot:
         save(figure, path, columns)
     return Plot(
         path,
-        f"{balance.told} How to read it: two levels that change with the direction are dry friction (a peak near zero "
-        "speed: breakaway); a slope in speed is viscous, a parabola is drag; a wave in position is a transmission error or "
+        f"{balance.told} How to read it: a step at zero speed, from one level to another, is dry friction (a peak "
+        "there: breakaway; a slope back beside the step: what the base model took for viscous damping); "
+        "a slope in speed is viscous, a parabola is drag; a wave in position is a transmission error or "
         "cogging; a cosine or a slope in position that both directions share is gravity; a flat band about zero is noise.",
     )

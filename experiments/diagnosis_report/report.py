@@ -114,7 +114,7 @@ def _first_screen(models: Models, answer: dict[str, Any], traces: Sequence[Trace
         notes=(
             "Fit: 100 % less the RMS error as a share of the RMS signal, mean over the output channels of the "
             + (
-                f"{len(held['runs'])} held-out runs"
+                f"held-out runs ({len(held['runs'])})"
                 if held
                 else f"fitted runs, as nothing was held out: {answer.get('held_out_reason')}"
             )

@@ -129,7 +129,10 @@ def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
         listed = "; or ".join(
             " with ".join(called(name, translational=translational) for name in names) for names in candidates[:4]
         )
-        return f"The model leaves something out, but these recordings can't tell which of these it is: {listed} (together {sure})."
+        return (
+            f"The model leaves something out, but these recordings can't tell which of these it is: {listed} "
+            f"(together {sure})."
+        )
     return (
         "The recordings differ from the model by more than their noise, and no effect of the catalogue explains it "
         f"(probability {sure})."

@@ -1,0 +1,177 @@
+"""The diagnosis' page: what it says, what it lights, and that its pictures and numbers agree with the answer."""
+
+import math
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.effects import REGISTRY
+from jointscope.experiments.diagnosis_report import figures
+from jointscope.experiments.diagnosis_report.balance import Balance
+from jointscope.experiments.diagnosis_report.bars import error_bars, pairs
+from jointscope.experiments.diagnosis_report.drawing import joint_drawing, marks
+from jointscope.experiments.diagnosis_report.traces import Trace, telling
+from jointscope.experiments.diagnosis_report.wording import (
+    CALLED,
+    PLACES,
+    next_step,
+    percent_fit,
+    sized,
+    verdict_sentence,
+)
+from jointscope.experiments.page import Section, page
+
+RATE = 512.0
+
+
+def trace(*, run="a", experiment="hammer", level=1.0, held_out=True, base=0.1, corrected=0.1, floor=0.01):
+    """A 20 Hz tone that the models miss by the given shares."""
+    t = np.arange(1024) / RATE
+    tone = np.sin(2.0 * np.pi * 20.0 * t)
+    return Trace(
+        run=run, position=0, experiment=experiment, quantity="linear-acceleration", location="arm", level=level,
+        held_out=held_out, rate=RATE, time=t, recorded=tone, base=(1.0 - base) * tone,
+        corrected=(1.0 - corrected) * tone, base_error=base, corrected_error=corrected, floor=floor,
+    )  # fmt: skip
+
+
+def answer(verdict, *, effects=(), candidates=None, held=True, shift=None):
+    """As much of diagnosis.json as the sentences read."""
+    return {
+        "verdict": verdict,
+        "verdict_probability": 0.97,
+        "effects": list(effects),
+        "candidates": candidates,
+        "unknown_reason": "not-identifiable" if candidates else None,
+        "held_out": {"runs": ["a"], "base_error": 0.4, "augmented_error": 0.05, "noise_floor": 0.04}
+        if held
+        else None,
+        "parameter_shift": shift or {},
+        "next_experiment": None,
+    }
+
+
+PLAY = {
+    "effect": "backlash",
+    "location": "transmission",
+    "parameters": {"gap": {"value": math.radians(1.0 / 60.0), "unit": "rad", "interval95": [2.8e-4, 3.0e-4]}},
+}
+
+
+def test_every_effect_and_place_of_the_catalogue_has_words():
+    assert {spec.name for spec in REGISTRY} <= CALLED.keys()
+    assert {spec.location for spec in REGISTRY} <= PLACES.keys()
+
+
+def test_play_is_told_in_arcmin_and_as_a_gain_in_fit():
+    sentence = verdict_sentence(answer("effects", effects=[PLAY]), translational=False)
+    assert "1.00 arcmin" in sentence
+    assert "from 60.0 % to 95.0 %" in sentence
+    assert "in the reducer" in sentence
+
+
+def test_stiffness_is_told_per_arcmin():
+    told = sized("stiffness", {"value": 193_600.0, "unit": "N m/rad", "interval95": [193_100.0, 194_100.0]})
+    assert f"{193_600.0 * math.pi / 10_800.0:.1f} N m/arcmin" in told
+
+
+def test_nothing_found_names_no_effect_but_the_parameters_that_were_off():
+    told = verdict_sentence(answer("none", shift={"load_damping": {}}), translational=False)
+    assert told.startswith("Nothing is missing") and "load damping" in told
+    assert not any(words in told for words in CALLED.values())
+
+
+def test_without_held_out_runs_an_effect_is_only_a_candidate():
+    assert verdict_sentence(answer("effects", effects=[PLAY], held=False), translational=False).startswith(
+        "A candidate"
+    )
+
+
+def test_look_alikes_are_all_named():
+    told = verdict_sentence(
+        answer("unknown", candidates=[["backlash@transmission"], ["hysteresis@transmission"]]), translational=False
+    )
+    assert "backlash" in told and "hysteresis" in told and "can't tell" in told
+
+
+def test_two_good_fits_stay_apart():
+    assert percent_fit(0.0041) != percent_fit(0.0049)
+
+
+def test_a_proposed_recording_comes_first_among_the_next_steps():
+    assert "slow ramp" in next_step(answer("unknown") | {"next_experiment": "a slow ramp"})
+
+
+@pytest.mark.parametrize("location", sorted(PLACES))
+def test_the_drawing_lights_one_place_by_class_and_by_text(location):
+    lit = marks((f"coulomb-friction@{location}",), CALLED)
+    drawing = joint_drawing(lit, topology="two-inertia", motion="rotational", spring=True, sure=True)
+    root = ElementTree.fromstring(drawing)
+    assert [r.get("class") for r in root.iter("rect")].count("part lit") == 1
+    assert any("dry friction" in (text.text or "") for text in root.iter("text"))
+
+
+def test_the_drawing_lights_nothing_where_nothing_was_found():
+    for topology, spring in (("two-inertia", True), ("single-dof", True), ("single-dof", False)):
+        drawing = joint_drawing({}, topology=topology, motion="rotational", spring=spring, sure=True)
+        assert not [r for r in ElementTree.fromstring(drawing).iter("rect") if "lit" in (r.get("class") or "")]
+
+
+def test_an_accelerometers_fault_lights_the_sensors_a_delay_the_logger():
+    assert marks(("sensor-tilt@acquisition",), CALLED).keys() == {"sensors"}
+    assert marks(("delay@acquisition",), CALLED).keys() == {"acquisition"}
+
+
+def test_bars_are_as_long_as_the_decades_say():
+    drawing = ElementTree.fromstring(
+        error_bars(pairs([trace(base=0.1, corrected=0.01, floor=0.001)], corrected=True))
+    )
+    base, corrected = (float(r.get("width")) for r in drawing.iter("rect"))
+    lines = [float(x.get("x1")) for x in drawing.iter("line") if x.get("class") == "grid"]
+    assert base - corrected == pytest.approx(lines[1] - lines[0], abs=0.2)
+
+
+def test_bars_weigh_held_out_runs_only():
+    (pair,) = pairs([trace(base=0.1), trace(run="b", base=0.9, held_out=False)], corrected=False)
+    assert pair.base == pytest.approx(0.1) and pair.corrected is None
+
+
+def test_the_telling_trace_is_the_held_out_one_that_gains_most():
+    best = trace(run="best", base=0.3, corrected=0.1)
+    pool = [trace(run="fitted", base=0.9, corrected=0.0, held_out=False), trace(run="other", base=0.2), best]
+    assert telling(pool) == {"hammer": best}
+
+
+def test_bands_hold_a_tones_whole_power():
+    x = np.sqrt(2.0) * np.sin(2.0 * np.pi * 20.0 * np.arange(8192) / RATE)
+    centres, size = figures.bands(x, RATE)
+    assert np.sqrt(np.sum(size**2)) == pytest.approx(1.0, rel=1e-3)
+    assert abs(np.log2(centres[np.argmax(size)] / 20.0)) < 1.0 / 3.0
+
+
+def test_each_figure_leaves_its_numbers_beside_it(tmp_path):
+    t = [trace(run=str(k), level=float(k), base=0.4 / k, corrected=0.01) for k in (1, 2, 4)]
+    sign = np.repeat([1.0, -1.0], 50)
+    moved = Balance(
+        speed=sign, position=np.linspace(0, 1, 100), residual=5.0 * sign, speed_unit="rad/s", position_unit="rad",
+        unit="N m", what="torque", told="",
+    )  # fmt: skip
+    plots = [
+        figures.time_and_band(t[0], tmp_path / "time.png", corrected=True),
+        figures.against_frequency({"hammer": t[0]}, tmp_path / "frequency.png", corrected=False),
+        figures.against_level(t, tmp_path / "level.png", corrected=True),
+        figures.against_motion(moved, tmp_path / "motion.png"),
+    ]
+    for plot in plots:
+        assert plot.path.read_bytes().startswith(b"\x89PNG")
+    level = np.genfromtxt(tmp_path / "level.csv", delimiter=",", names=True)
+    assert list(level["linearacceleration_arm_True_base_error"]) == pytest.approx([0.4, 0.2, 0.1])
+    motion = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
+    assert np.all(motion["forward_residual"] == 5.0) and np.all(motion["reverse_residual"] == -5.0)
+
+
+def test_markup_stands_in_the_page_as_it_is_and_text_is_escaped():
+    text = page("t", "a < b", [Section(heading="h", text=("<x>",), markup="<svg></svg>")])
+    assert "<svg></svg>" in text and "&lt;x&gt;" in text and "a &lt; b" in text
+    assert "http" not in text.replace("http-equiv", "")
