@@ -10,6 +10,7 @@ import numpy as np
 from jointscope.diagnosis.adjudicate import Comparison, Judged
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
 from jointscope.diagnosis.intervals import Estimate, estimates
+from jointscope.diagnosis.next_experiment import next_experiment
 from jointscope.diagnosis.refit import with_fresh_jacobian
 
 if TYPE_CHECKING:
@@ -200,7 +201,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "verdict_probability": round(decision.probability, 4),
         "unknown_reason": decision.unknown_reason,
         "parameter_shift": parameter_shift(problem, chosen, found),
-        "next_experiment": None,
+        "next_experiment": next_experiment(decision.verdict, [(r.names, r.probability) for r in decision.ranking]),
         "noise": {
             "hit_gain": judgement.noise.gain,
             "hit_timing_s": judgement.noise.timing,

@@ -112,6 +112,8 @@ def summary(answer: dict[str, Any], out: Path) -> str:
         )
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")
+    if answer["next_experiment"]:
+        lines.append(f"record next: {answer['next_experiment']}")
     lines.append(f"written to {out}")
     return "\n".join(lines) + "\n"
 
