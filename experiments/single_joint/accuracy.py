@@ -38,7 +38,6 @@ class Accuracy:
         truth: Spectrum of the noise-free acceleration [m/s^2].
         measured: Likewise, of the recorded acceleration.
         predicted: Likewise, from the recorded inputs.
-        parameter_sd: What the parameters' covariance does to the predicted magnitude, one standard deviation [m/s^2].
         noise: Of the prediction, magnitude per bin [m/s^2].
         product: The paper's own form: the logged torque's spectrum times the transfer function (11).
         product_score: Its score over the same bins.
@@ -50,7 +49,6 @@ class Accuracy:
     truth: Spectrum
     measured: Spectrum
     predicted: Spectrum
-    parameter_sd: Real
     noise: Real
     product: Spectrum
     product_score: BandScore
@@ -80,10 +78,7 @@ def true_model(model: BaseModel, rig: Rig) -> BaseModel:
 def measure(model: BaseModel, rig: Rig, recorded: Run, truth: Run, log: TorqueLog | None = None) -> Accuracy:
     """Predict ``recorded`` from its inputs with ``model`` and compare with the noise-free ``truth``."""
     perfect = true_model(model, rig)
-    prediction = predict_run(model, recorded, log=log)
-    predicted = acceleration(prediction)
-    place = prediction.channels.index(predicted)
-    band = parameter_bands(model, recorded, prediction, log=log)[place]
+    predicted = acceleration(predict_run(model, recorded, log=log))
     noisy = acceleration(predict_run(perfect, recorded))
     clean = acceleration(predict_run(perfect, truth))
     actual = truth.select("linear-acceleration")[0]
@@ -101,11 +96,18 @@ def measure(model: BaseModel, rig: Rig, recorded: Run, truth: Run, log: TorqueLo
         truth=T,
         measured=spectrum(recorded.select("linear-acceleration")[0].samples, rate),
         predicted=P,
-        parameter_sd=band.of_magnitude(predicted.values, rate),
         noise=np.sqrt(power),
         product=product,
         product_score=band_score(T, product, low, high, mask),
     )
+
+
+def parameter_deviation(model: BaseModel, run: Run) -> Real:
+    """What the parameters' covariance does to the predicted spectrum's magnitude, one standard deviation [m/s^2]."""
+    prediction = predict_run(model, run)
+    channel = acceleration(prediction)
+    band = parameter_bands(model, run, prediction)[prediction.channels.index(channel)]
+    return band.of_magnitude(channel.values, channel.signal.sampling_rate)
 
 
 def _product(model: BaseModel, run: Run, radius: float) -> Spectrum:

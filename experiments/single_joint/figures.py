@@ -169,8 +169,11 @@ def figure13(run: Run, out: Path) -> None:
         save(figure, out / "figure-13.png")
 
 
-def vibration_figure(found: Accuracy, number: int, what: str, out: Path) -> None:
-    """Figures 12 and 15: predicted and true acceleration spectra, their difference, and the noise carried in."""
+def vibration_figure(found: Accuracy, deviation: Real, number: int, what: str, out: Path) -> None:
+    """Figures 12 and 15: predicted, measured and true acceleration spectra, their difference, and the noise carried in.
+
+    ``deviation``: of the predicted magnitude from the parameters' covariance [m/s^2], shape of the frequency axis.
+    """
     f = found.truth.frequency
     shown = (f >= 0.5) & (f <= TOP)
     truth, predicted = np.abs(found.truth.amplitude[shown]), np.abs(found.predicted.amplitude[shown])
@@ -178,12 +181,12 @@ def vibration_figure(found: Accuracy, number: int, what: str, out: Path) -> None
     error, product_error = (
         20.0 * np.log10(np.maximum(p, 1e-300) / np.maximum(truth, 1e-300)) for p in (predicted, product)
     )
-    sd = 1.96 * found.parameter_sd[shown]
+    sd = 1.96 * deviation[shown]
     write_csv(
         out / f"figure-{number}.csv",
         {
             "frequency_Hz": f[shown], "true_m_s2": truth, "measured_m_s2": measured, "predicted_m_s2": predicted,
-            "error_dB": error, "parameter_sd_m_s2": found.parameter_sd[shown], "product_11_m_s2": product,
+            "error_dB": error, "parameter_sd_m_s2": deviation[shown], "product_11_m_s2": product,
             "carried_noise_m_s2": found.noise[shown],
         },
     )  # fmt: skip

@@ -10,7 +10,13 @@ from typing import Any
 
 from jointscope.atomic import write_text
 from jointscope.experiments.single_joint import figures
-from jointscope.experiments.single_joint.accuracy import Accuracy, LogCost, accuracies, log_costs
+from jointscope.experiments.single_joint.accuracy import (
+    Accuracy,
+    LogCost,
+    accuracies,
+    log_costs,
+    parameter_deviation,
+)
 from jointscope.experiments.single_joint.bench import Bench, bench
 from jointscope.experiments.single_joint.tables import printed_rows, table1, table2, table26
 from jointscope.identification.identify import identify
@@ -33,10 +39,11 @@ def _draw(
     figures.figure9(found, out)
     figures.figure10(found.base.as_joint(), made.rig.joint, out)
     figures.torque_figure(sweep, 11, "swept 4-80 Hz", out)
-    figures.vibration_figure(by_run[sweep.id], 12, "swept torque", out)
+    swept, moved = (parameter_deviation(found.base, run) for run in (sweep, motion))
+    figures.vibration_figure(by_run[sweep.id], swept, 12, "swept torque", out)
     figures.figure13(motion, out)
     figures.torque_figure(motion, 14, "speed control", out)
-    figures.vibration_figure(by_run[motion.id], 15, "speed control", out)
+    figures.vibration_figure(by_run[motion.id], moved, 15, "speed control", out)
     figures.log_figure(costs, out)
 
 
