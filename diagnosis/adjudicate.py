@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import Stage, rewhiten
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
+from jointscope.diagnosis.per_run import labelling_cost
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.search import Hypothesis
 
@@ -168,7 +169,8 @@ def _polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
 
 def _occam(hypothesis: Hypothesis, samples: int) -> float:
     where = hypothesis.fit.coordinates
-    return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2))
+    chosen_runs = sum(labelling_cost(spec) for spec in where.effects)
+    return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2)) + chosen_runs
 
 
 def _evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:

@@ -93,8 +93,9 @@ class Coordinates:
 def typical_size(spec: EffectSpec, position: int, problem: Problem) -> float:
     """The medium amplitude for the main parameter, else a tenth of the admitted range."""
     parameter = spec.parameters[position]
-    if position == 0:
-        return max(abs(spec.scale(problem)[1] - _null(parameter)), 1e-12)
+    if position == spec.amplitude:
+        size = abs(spec.scale(problem)[1] - _null(parameter))
+        return max(size, 1e-12) if math.isfinite(size) else 1.0  # a logarithm needs no size
     if parameter.name == "phase":
         return 1.0
     width = parameter.upper - parameter.lower

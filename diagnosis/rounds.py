@@ -10,10 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from jointscope.diagnosis.adjudicate import MATERIAL, improvement
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
+from jointscope.diagnosis.per_run import per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import (
     Effort,
@@ -31,6 +35,7 @@ from jointscope.diagnosis.search import (
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
 
+Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
@@ -110,12 +115,23 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
     return gain > PROMISING * added and improvement(arena.objective.prepared, before, after)[0] > 0.5 * MATERIAL
 
 
+def residuals_of(stage: Stage) -> list[list[Vector]]:
+    """Data less the base's prediction for every run and output of the problem; zeros for runs that were not fitted."""
+    runs = stage.objective.problem.runs
+    found = [[np.zeros(len(o.data)) for o in run.outputs] for run in runs]
+    for position, predicted in zip(stage.objective.runs, stage.predictions, strict=True):
+        pairs = zip(runs[position].outputs, predicted, strict=True)
+        found[position] = [np.where(o.mask, o.data - y, 0.0) for o, y in pairs]
+    return found
+
+
 def explore(
     stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
 ) -> tuple[Screening, tuple[Hypothesis, ...]]:
     """Every hypothesis worth judging."""
     first = opened(stage, effort)
-    candidates = candidates_for(stage.objective.problem, specs)
+    problem = stage.objective.problem
+    candidates = candidates_for(problem, (*specs, *per_run_specs(stage, problem)), residuals_of(stage))
     report(f"screening {len(candidates)} trials of {len(specs)} candidate laws")
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
     report("fitting single effects")

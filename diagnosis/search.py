@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 CONTAINED = (("coulomb-friction", "stribeck-friction"),)
+THINNED = 3  # every third of a grid of lines or modes is kept where the residual itself shows where to start
 NEARLY_NOTHING = 0.02  # of the amplitude the screening asked for: the safe start
 
 
@@ -310,18 +311,26 @@ def extend(objective: Objective, parent: Hypothesis, before: Screening, effort: 
     return _fit_leading(objective, parent.fit, parent.specs, trials, effort)
 
 
-def candidates_for(problem: Problem, specs: Sequence[EffectSpec]) -> list[ActiveEffect]:
+def candidates_for(
+    problem: Problem, specs: Sequence[EffectSpec], residuals: Sequence[Sequence[Vector]] = ()
+) -> list[ActiveEffect]:
     """Every trial of every effect that these channels and experiments can show.
 
     Laws with few shapes are tried small, medium and large: what play or friction does at one size is no guide to
-    another.
+    another. Lines and modes start also where ``residuals`` (data less the base, per run and output) show them.
     """
     found: list[ActiveEffect] = []
     for spec in specs:
         if spec.possible(problem) is None:
             shapes = len(spec.starts(problem))
             sizes = (0, 1, 2) if shapes == 1 else (0, 1) if shapes <= 3 else (1,)
-            found.extend(trial_effects(spec, problem, sizes))
+            trials = trial_effects(spec, problem, sizes)
+            found.extend(trials if spec.residual_starts is None or not residuals else trials[::THINNED])
+            if spec.residual_starts is not None and residuals:
+                scale = spec.scale(problem)[1]
+                for shape in spec.residual_starts(problem, residuals):
+                    values = [*shape[: spec.amplitude], scale, *shape[spec.amplitude :]]
+                    found.append(ActiveEffect(spec, tuple(float(v) for v in values)))
     return found
 
 

@@ -8,11 +8,17 @@ from typing import Literal
 
 import numpy as np
 
+from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compare, score, standing
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.5  # probability of the leading set below which it is not named alone
+LACKING = (
+    0.04  # of the signal's rms, left by the base beyond the floor, that no candidate explains: a mismatch unknown
+)
+EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
+MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 NEAR = 3.0  # belief nats within which rivals are listed
 
 
@@ -35,6 +41,7 @@ class Decision:
         chosen: The hypothesis whose model is handed on: the named set, or the base.
         probability: Of the verdict as a whole.
         candidates: Sets that the recordings can't tell apart, where that is the reason.
+        adequacy: The chosen model against the base and the noise floor.
     """
 
     verdict: Literal["none", "effects", "unknown"]
@@ -43,6 +50,7 @@ class Decision:
     ranking: tuple[Ranked, ...]
     unknown_reason: Literal["outside-catalogue", "not-identifiable"] | None
     candidates: tuple[tuple[str, ...], ...]
+    adequacy: Adequacy
 
 
 def rank(judgement: Judgement) -> list[Ranked]:
@@ -65,16 +73,38 @@ def rank(judgement: Judgement) -> list[Ranked]:
     return sorted(ranked, key=lambda r: -r.score)
 
 
+def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
+    """The candidate against the base and the floor, over fitted and held-out runs."""
+    runs = (*judgement.objective.prepared, *judgement.held.prepared)
+    base = (*judgement.base.predictions, *judgement.base.predictions_held)
+    model = (*candidate.predictions, *candidate.predictions_held)
+    return adequacy(runs, judgement.noise, base, model)
+
+
 def decide(judgement: Judgement) -> Decision:
     """The verdict on the evidence."""
-    ranking = rank(judgement)
+    ranking = tuple(rank(judgement))
     top = ranking[0]
+    fit = adequacy_of(judgement, top.judged)
     if not top.names:
-        return Decision("none", judgement.base, top.probability, tuple(ranking), None, ())
+        lack = fit.base_left
+        if lack > LACKING:
+            return Decision(
+                "unknown", judgement.base, _beyond(lack / LACKING), ranking, "outside-catalogue", (), fit
+            )
+        sure = top.probability * _beyond(LACKING / max(lack, 1e-9))
+        return Decision("none", judgement.base, sure, ranking, None, (), fit)
+    if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT:
+        sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
+        return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     near = [r for r in ranking if r.names and top.score - r.score < NEAR * TEMPERATURE]
     if top.probability < SURE and len(near) > 1:
         together = sum(r.probability for r in near)
-        return Decision(
-            "unknown", top.judged, together, tuple(ranking), "not-identifiable", tuple(r.names for r in near)
-        )
-    return Decision("effects", top.judged, top.probability, tuple(ranking), None, ())
+        alike = tuple(r.names for r in near)
+        return Decision("unknown", top.judged, together, ranking, "not-identifiable", alike, fit)
+    return Decision("effects", top.judged, top.probability, ranking, None, (), fit)
+
+
+def _beyond(ratio: float) -> float:
+    """Belief from how far a figure lies beyond its limit: 1/2 at it, 0.9 at three times."""
+    return ratio**2 / (1.0 + ratio**2)

@@ -206,7 +206,7 @@ SPECS: tuple[EffectSpec, ...] = (
         variant="piecewise",
         family="stiffness",
         parameters=(
-            ParameterSpec("soft_share", "1", -1.0, 0.9, null=0.0),
+            ParameterSpec("soft_share", "1", -1.0, 0.7, null=0.0),
             ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
         ),
         law="K Delta outside +-d, (1 - soft_share) K inside",
