@@ -29,7 +29,7 @@ from jointscope.identification.quality_signals import (
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque
-from jointscope.recordings.pulses import find_pulses
+from jointscope.recordings.pulses import Pulse, find_pulses
 
 Real = NDArray[np.float64]
 
@@ -271,10 +271,8 @@ def _apparent_inertia(
         q = as_motion(motion, grid, rig, band, 0)
         q = q - q[0] + run.arm_angle
         if rig.plane == "vertical" and rig.motion == "rotational":
-            if rig.arm_mass is not None and rig.arm_com_radius is not None:
-                torque = torque - rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius * np.cos(q)
-            elif np.ptp(q) > 0.3:
-                columns += [np.cos(q), np.sin(q)]
+            # fitted even where m g r is known: in a wrong unit the torque holds it in that unit too
+            columns += [np.cos(q), np.sin(q)] if np.ptp(q) > 0.3 else [np.cos(q)]
     A = np.column_stack([trimmed(c - c.mean(), grid, band) for c in columns])
     y = trimmed(torque - torque.mean(), grid, band)
     scale = np.linalg.norm(A, axis=0)
@@ -300,14 +298,11 @@ def _hits(run: Run, rig: Nameplate) -> Iterator[Relation]:
         for quantity in ("linear-acceleration", "acceleration", "angular-acceleration"):
             for response in run.select(quantity, role="output"):
                 if response.channel.direction == "tangential" and response.device == force.device:
-                    yield from _driving_point(
-                        force, response, pulses[0].peak, pulses[0].first, pulses[0].last, rig
-                    )
+                    yield from _driving_point(force, response, pulses[0], rig)
 
 
-def _driving_point(
-    force: Signal, response: Signal, peak: int, first: int, last: int, rig: Nameplate
-) -> Iterator[Relation]:
+def _driving_point(force: Signal, response: Signal, pulse: Pulse, rig: Nameplate) -> Iterator[Relation]:
+    peak, first, last = pulse.peak, pulse.first, pulse.last
     f = np.nan_to_num(force.samples - np.nanmedian(force.samples))
     a = np.nan_to_num(response.samples - np.nanmedian(response.samples[: max(first, 8)]))
     part = slice(max(0, first - 2), min(f.size, max(peak + 2, (peak + last) // 2 + 1)))
@@ -321,28 +316,53 @@ def _driving_point(
     parties = (Party(response, 1), Party(force, -1))
     says = f"{response.channel.column} right after the hit of {force.channel.column}"
     arm = arm_inertia(rig)
-    level = _stiffness_free_level(f, a, force.sampling_rate)
+    mass = _apparent_mass(f, a, pulse, force.sampling_rate)
     radii = force.channel.radius and response.channel.radius
     known = radii and arm.known and force.channel.calibrated and response.channel.calibrated
-    if not known or level is None:
+    if not known or mass is None:
         yield Relation(parties, math.copysign(1.0, correlation), 0.0, math.inf, says)
         return
     lever = float(force.channel.radius or 1.0)
     if response.channel.quantity == "linear-acceleration":
         lever *= float(response.channel.radius or 1.0)
-    gain = math.copysign(abs(level) / lever * arm.likely, correlation)
-    says += f", apparent inertia {lever / abs(level):.3g} kg m^2 where {arm}"
+    gain = math.copysign(arm.likely / (abs(mass) * lever), correlation)
+    says += f", apparent inertia {abs(mass) * lever:.3g} kg m^2 where {arm}"
     yield Relation(parties, gain, 0.5 * arm.likely / arm.most, 2.0 * arm.likely / arm.least, says)
 
 
-def _stiffness_free_level(f: Real, a: Real, rate: float) -> float | None:
-    """Accelerance where inertia alone resists: the upper half of the band that the hammer excites."""
-    F, A = np.fft.rfft(f), np.fft.rfft(a)
-    strong = np.flatnonzero(np.abs(F) > 0.2 * np.abs(F[1 : max(8, F.size // 50)]).max())
-    top = int(strong[np.cumsum(np.diff(np.concatenate([[-1], strong])) > 8) == 0][-1]) if strong.size else 0
-    lines = slice(top // 2, top + 1)
-    if top < 16 or top > 0.45 * f.size:
-        top = min(top, round(0.4 * f.size))
-        lines = slice(top // 2, top + 1)
-    energy = float(np.sum(np.abs(F[lines]) ** 2))
-    return float(np.abs(np.sum(A[lines] * np.conj(F[lines])))) / energy if top >= 16 and energy > 0.0 else None
+def _apparent_mass(f: Real, a: Real, pulse: Pulse, rate: float) -> float | None:
+    """J in A = F/(J + c/(j w) - K/w^2) over the lines that stand out of the noise; ``None`` if vague.
+
+    Fitted together with stiffness and damping, so that a soft tip that excites only below the resonance is no inertia;
+    weighted so that the response's error is least (Sanathanan and Koerner, 1963).
+
+    Args:
+        f: Force of one hit, shape (n,), zero at rest.
+        a: Response, likewise.
+    """
+    contact = slice(max(0, pulse.first - 4), pulse.last + 5)
+    F = np.fft.rfft(np.concatenate([np.zeros(contact.start), f[contact], np.zeros(f.size - contact.stop)]))
+    A = np.fft.rfft(a)
+    quiet = a[: pulse.first - 4] if pulse.first >= 20 else a[-a.size // 10 :]
+    noise = float(np.std(quiet)) * math.sqrt(a.size)
+    omega = 2.0 * math.pi * np.fft.rfftfreq(f.size, 1.0 / rate)
+    used = (np.abs(A) > 6.0 * noise) & (np.abs(F) > 0.3 * np.abs(F[1:8]).max()) & (omega > 0.0)
+    if np.count_nonzero(used) < 16:
+        return None
+    F, A, omega = F[used], A[used], omega[used]
+    columns = np.column_stack([A, A / (1j * omega), -A / omega**2])  # (lines, 3)
+    weight = np.abs(A / F)
+    for _ in range(4):
+        M = np.concatenate([(columns * weight[:, None]).real, (columns * weight[:, None]).imag])
+        y = np.concatenate([(F * weight).real, (F * weight).imag])
+        scale = np.linalg.norm(M, axis=0)
+        solution, _, rank, _ = np.linalg.lstsq(M / scale, y, rcond=1e-9)
+        if rank < 3:
+            return None
+        J, c, K = solution / scale
+        weight = 1.0 / np.abs(J + c / (1j * omega) - K / omega**2)
+    variance = float(np.sum((y - M / scale @ solution) ** 2)) / (y.size - 3)
+    error = math.sqrt(variance * np.linalg.inv((M / scale).T @ (M / scale))[0, 0]) / scale[0]
+    # without lines well above the resonance the inertia is a matter of the model, not of the data
+    inertial = K <= 0.0 or omega[-1] > 1.5 * math.sqrt(K / abs(J))
+    return float(J) if inertial and abs(J) > 10.0 * error else None

@@ -14,7 +14,8 @@ from jointscope.recordings.units import si_unit
 
 Real = NDArray[np.float64]
 SENSED: Final = ("force", "linear-acceleration", "acceleration", "angular-acceleration", "phase-current")
-COARSE = 64  # steps
+COARSE = 64  # steps of a converter
+COARSE_ENCODER = 8  # steps of an encoder: a vibration it can't resolve
 
 
 def level_findings(run: Run, signal: Signal) -> Iterator[Finding]:
@@ -36,7 +37,8 @@ def level_findings(run: Run, signal: Signal) -> Iterator[Finding]:
         detail = f"peak {peak:.4g} {unit} at a full scale of {channel.full_scale:.4g} {unit}: use a wider range"
         yield Finding("overload", run.id, channel.column, detail)
     step = resolution(x)
-    if 0.0 < span < COARSE * step and _on_a_lattice(x, step):
+    coarse = COARSE_ENCODER if channel.quantity in ("angle", "position") else COARSE
+    if 0.0 < span < coarse * step and _on_a_lattice(x, step):
         detail = f"spans {span / step:.0f} steps of {step:.3g} {unit}: {np.log2(span / step):.1f} bits"
         yield Finding("quantisation", run.id, channel.column, detail)
 
