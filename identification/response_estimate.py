@@ -112,21 +112,16 @@ def _average(U: Complex, Y: Complex, frequency: Real, lines: slice, averages: in
     size = np.abs(drive)
     noise = np.std(U, axis=0) / np.sqrt(averages) if averages > 1 else np.zeros(size.shape)
     excited = (size > EXCITED * size.max()) & (size > 10.0 * noise)
-    mean = np.mean(Y, axis=1)
-    values = mean / drive
+    if excited.sum() < 12:
+        raise RefusedError(f"the input excites {int(excited.sum())} spectral lines; a multisine or sweep would do")
+    drive, U, Y = drive[excited], U[:, excited], Y[:, :, excited]
+    values = np.mean(Y, axis=1) / drive
+    deviation = np.zeros(values.shape)
     if averages > 2:
         error = Y / drive - values[:, None] * (U / drive)
         deviation = np.sqrt(np.mean(np.abs(error) ** 2, axis=1) / (averages - 1.0) / 2.0)
-    else:
-        deviation = np.zeros(values.shape)
-    if excited.sum() < 12:
-        raise RefusedError(f"the input excites {int(excited.sum())} spectral lines; a multisine or sweep would do")
     return Responses(
-        frequency=frequency[excited],
-        values=values[:, excited],
-        deviation=deviation[:, excited],
-        averages=averages,
-        period=period,
+        frequency=frequency[excited], values=values, deviation=deviation, averages=averages, period=period
     )
 
 
