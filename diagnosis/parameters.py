@@ -51,8 +51,15 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
             weight = rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius
         else:
             gravity_free = any(run.motor is not None or run.command is not None for run in runs) and swung
-    # with a hammer the arm's inertia is absolute, and then the torque's way to it is too
-    efficiency_free = rig.efficiency is None and driven and motor_known and load_known and moving
+    # the torque's way to the arm is known once an inertia is absolute: the arm's by a hammer, or the motor's where its
+    # own motion shows resonance and antiresonance, which give the ratio of the two
+    swept = exact and any(
+        run.motor_moves
+        and run.run.experiment == "torque-sweep"
+        and any(o.location == "motor" for o in run.outputs)
+        for run in runs
+    )
+    efficiency_free = rig.efficiency is None and driven and motor_known and moving and (load_known or swept)
     scale_free = driven and not motor_known and (load_known or (exact and moving))
     start = {
         "stiffness": K,
@@ -99,6 +106,22 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         nuisance=np.array([name in nuisance for name in BASE_NAMES]),
         merged=merged,
     )
+
+
+def assumptions(rig: Nameplate, base: BaseSpec, runs: tuple[PreparedRun, ...]) -> tuple[str, ...]:
+    """What had to be assumed because neither the nameplate nor the recordings say it, one line each."""
+    lines = []
+    driven = any(run.motor_moves and run.motor is not None and run.motor.calibrated for run in runs)
+    if driven and rig.efficiency is None and not base.free[BASE_INDEX["efficiency"]]:
+        lines.append(
+            "efficiency: not on the nameplate and not identifiable here; 1 assumed, stiffness and inertia scale with it"
+        )
+    absolute = any(run.load is not None and run.load.calibrated for run in runs)
+    if base.free[BASE_INDEX["motor_inertia"]] and not absolute:
+        lines.append(
+            "motor inertia: not on the nameplate; without a hammer only its ratio to the arm's may be identifiable"
+        )
+    return tuple(lines)
 
 
 def known_inertia(rig: Nameplate) -> float:

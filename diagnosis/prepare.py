@@ -237,7 +237,7 @@ class Problem:
         base: Parameters.
         scales: Typical sizes.
         torque_calibrated: Whether absolute torque is known anywhere; else parameters are per unit of the input.
-        findings: What was put right on the way (inverted channels), one line each.
+        findings: What was put right on the way (inverted channels) and what had to be assumed, one line each.
     """
 
     rig: Nameplate

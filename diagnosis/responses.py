@@ -49,17 +49,21 @@ class Response:
     phased: bool = True  # False where the clocks of input and output are not known to agree
 
 
-def channel_key(output: Output) -> tuple[object, ...]:
-    """Outputs that share it are the same instrument at the same place."""
-    return (output.quantity, output.location, output.direction, output.radius, output.rate, output.device)
+def channel_key(run: PreparedRun, output: Output) -> tuple[object, ...]:
+    """Outputs that share it are the same instrument at the same place, answering the same input."""
+    place = (output.quantity, output.location, output.direction, output.radius, output.rate, output.device)
+    return (*place, _by_motor(run), run.motor_moves, run.spring)
+
+
+def _by_motor(run: PreparedRun) -> bool:
+    return run.motor is not None and (run.load is None or not np.any(run.load_half))
 
 
 def responses(runs: tuple[PreparedRun, ...], *, exact: bool = False) -> tuple[Response, ...]:
     """One pooled H1 per kind of channel, input and boundary; ``exact``: clocks of uncertain start are aligned already."""
     pools: dict[tuple[object, ...], list[tuple[Vector, Vector, float, PreparedRun, Output]]] = {}
     for run in runs:
-        by_motor = run.motor is not None and (run.load is None or not np.any(run.load_half))
-        drive = run.motor_half if by_motor else run.load_half
+        drive = run.motor_half if _by_motor(run) else run.load_half
         if not np.any(drive) or run.mode.startswith("prescribed"):
             continue
         for output in run.outputs:
@@ -67,8 +71,7 @@ def responses(runs: tuple[PreparedRun, ...], *, exact: bool = False) -> tuple[Re
                 continue
             grid = np.clip(np.round((output.times - run.t0) * 2.0 * run.grid_rate).astype(int), 0, drive.size - 1)
             y = output.data / _to_joint(run, output)
-            key = (*channel_key(output), by_motor, run.motor_moves, run.spring)
-            pools.setdefault(key, []).append((drive[grid], y, output.rate, run, output))
+            pools.setdefault(channel_key(run, output), []).append((drive[grid], y, output.rate, run, output))
     return tuple(r for pool in pools.values() for r in (_pooled(pool, exact),) if r is not None)
 
 
@@ -119,17 +122,17 @@ def _pooled(pool: list[tuple[Vector, Vector, float, PreparedRun, Output]], exact
         H[lines],
         weight[lines],
         output.location == "motor",
-        run.motor is not None and (run.load is None or not np.any(run.load_half)),
+        _by_motor(run),
         run.motor_moves,
         run.spring,
-        channel_key(output),
+        channel_key(run, output),
         exact or all(_one_clock(run, output) for *_, run, output in pool),
     )
 
 
 def _one_clock(run: PreparedRun, output: Output) -> bool:
     """Whether the input's and the output's clocks are known to agree."""
-    source = run.motor if run.load is None or not np.any(run.load_half) else run.load
+    source = run.motor if _by_motor(run) else run.load
     same = source is None or source.device == output.device
     return same or all(stream.start_uncertainty == 0.0 for stream in run.run.streams)
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 _CORNER = 8.0  # Hz; below a joint's resonance
+_TURNED = 0.1  # change of cos q below which a constant torque can't be told from the weight
 _STILL = 0.02  # of the top speed, below which dry friction is undecided
 
 
@@ -36,6 +37,8 @@ def rigid_start(
     if not weighing:
         tau = tau - A[:, 4] * start[BASE_INDEX["gravity_moment"]]
         A = A[:, :4]
+    elif np.ptp(A[:, 4]) < _TURNED:
+        A = A * np.array([1.0, 1.0, 1.0, 0.0, 1.0])  # over a small travel a constant and the weight are one
     size = np.linalg.norm(A, axis=0)
     size[size == 0.0] = 1.0
     x = np.linalg.lstsq(A / size, tau, rcond=1e-8)[0] / size
@@ -65,13 +68,17 @@ def _smooth(x: Vector, rate: float) -> Vector:
 
 def _rows(run: PreparedRun, start: Vector) -> tuple[NDArray[np.float64], Vector] | None:
     """Regressors (q'', q', sgn, 1, cos q) and torque of one run, thinned to a few samples per corner period."""
-    if run.observed is None or run.observed.rate_signal:
+    if run.observed is None:
         return None
     step = max(1, int(run.grid_rate / (8.0 * _CORNER)))
-    q = _smooth(run.observed_half[::2], run.grid_rate)
+    if run.observed.rate_signal:
+        v = _smooth(run.observed_half[::2], run.grid_rate)
+        q = run.initial_angle + np.cumsum(v) / run.grid_rate
+    else:
+        q = _smooth(run.observed_half[::2], run.grid_rate)
+        v = np.gradient(q) * run.grid_rate
     if np.ptp(q) < 1e-4:
         return None
-    v = np.gradient(q) * run.grid_rate
     a = np.gradient(v) * run.grid_rate
     tau = run.load_half[::2].copy()
     if run.motor is not None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.alignment import aligned, uncertain
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.channels import high_pass
-from jointscope.diagnosis.parameters import base_spec, bounded, known_inertia, torque_calibrated
+from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import Observed, Problem
 from jointscope.diagnosis.responses import channel_key, fitted, passive_polarities, polarities, responses
@@ -46,7 +46,8 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
     base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
     problem = replace(problem, base=bounded(base, problem.runs, rig))
-    return replace(problem, scales=typical_sizes(problem))
+    findings = (*problem.findings, *assumptions(rig, base, problem.runs))
+    return replace(problem, scales=typical_sizes(problem), findings=findings)
 
 
 def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = False) -> Problem:
@@ -57,6 +58,10 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
     slow = rigid_start(base, runs, base.start, known_inertia(rig))
     quick = fitted(base, measured, (base.start,) if slow is None else (base.start, slow))
     candidates = [start for start in (quick, slow, base.start) if start is not None]
+    if quick is not None:
+        rest = rigid_start(base, runs, quick, known_inertia(rig))
+        if rest is not None:
+            candidates.append(_joined(quick, rest))
     problem = Problem(
         rig=rig,
         runs=runs,
@@ -74,6 +79,14 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
         if _misfit(other, start) < _misfit(problem, best):
             problem, best = other, start
     return problem
+
+
+def _joined(quick: Vector, slow: Vector) -> Vector:
+    """Inertias, stiffness and scales of one candidate with weight, offset and slow damping of the other."""
+    joined = quick.copy()
+    for name in ("gravity_moment", "torque_offset", "motor_damping", "load_damping"):
+        joined[BASE_INDEX[name]] = slow[BASE_INDEX[name]]
+    return joined
 
 
 def _nearest(problem: Problem, candidates: list[Vector]) -> tuple[Problem, Vector]:
@@ -119,7 +132,7 @@ def _righted(
     for run in runs:
         outputs = []
         for output in run.outputs:
-            if flips.get(channel_key(output), 1.0) < 0.0:
+            if flips.get(channel_key(run, output), 1.0) < 0.0:
                 start = run.initial_angle * (run.ratio if output.location == "motor" else 1.0)
                 angular = output.quantity in ("angle", "position")
                 data = 2.0 * start - output.data if angular else -output.data

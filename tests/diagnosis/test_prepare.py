@@ -247,3 +247,40 @@ def test_an_unknown_start_is_found_and_is_no_effect(builders, plant):
     assert motor is not None and motor.signal.start == pytest.approx(0.0, abs=1e-4)
     delay = next(s for s in catalogue(problem) if s.name == "delay")
     assert "exact" in (delay.possible(problem) or "")
+
+
+@pytest.mark.parametrize(
+    "keep",
+    [
+        [("angle", "motor")],
+        [("angular-velocity", "motor")],
+        [("angular-acceleration", "arm"), ("angular-velocity", "arm")],
+        [("angle", "arm"), ("angular-acceleration", "motor")],
+    ],
+    ids=str,
+)
+def test_any_subset_of_channels_gives_a_start(problem, truth, plant, builders, keep):
+    """A sweep seen by other sensors, made by the model itself: every subset starts near K/J."""
+    from jointscope.diagnosis import kernel as k
+    from jointscope.diagnosis.predict import build, integrate
+
+    prepared = problem.runs[2]
+    states = integrate(build(prepared, truth, (), problem, free=True))[:: int(prepared.grid_rate / 1024)]
+    columns = {
+        ("angle", "motor"): k.X_QS, ("angle", "arm"): k.X_Q, ("angular-velocity", "motor"): k.X_VS,
+        ("angular-velocity", "arm"): k.X_V, ("angular-acceleration", "motor"): k.X_AS, ("angular-acceleration", "arm"): k.X_A,
+    }  # fmt: skip
+    units = {"angle": "rad", "angular-velocity": "rad/s", "angular-acceleration": "rad/s^2"}
+    channels = tuple(
+        builders.channel(
+            f"{q}{at}", q, units[q], at, "output", states[:, columns[q, at]] * (plant.n if at == "motor" else 1.0)
+        )
+        for q, at in keep
+    )
+    daq, plc = prepared.run.streams
+    daq = dataclasses.replace(daq, channels=channels, length=len(states), start=prepared.t0)
+    plc = dataclasses.replace(plc, channels=plc.channels[:1])
+    other = prepare(builders.campaign_of([dataclasses.replace(prepared.run, streams=(daq, plc))]))
+    ratio = start(other, "stiffness") / start(other, "load_inertia")
+    assert ratio == pytest.approx(plant.K / plant.J_L, rel=0.05)
+    assert max(errors(other, truth).values()) < 0.01
