@@ -190,6 +190,16 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else math.nan
 
 
+def short_table(judged: Sequence[Judged]) -> dict[str, Share]:
+    """The few measures in which ways of answering are compared."""
+    return {
+        "false alarms": share_of(nulls(judged), lambda j: bool(j.said)),
+        **{f"exact: {band}": share_of(singles(judged, band), lambda j: j.exact) for band in GRADED},
+        "location: all": share_of(singles(judged, *GRADED), lambda j: bool(j.location)),
+        "unlisted answered unknown": share_of([j for j in judged if j.kind == "unlisted"], lambda j: j.exact),
+    }
+
+
 def law_gap(judged: Sequence[Judged]) -> dict[str, Share]:
     """Naming of single effects whose law is the textbook's, and of those whose law departs from it."""
     seen = singles(judged, *GRADED)

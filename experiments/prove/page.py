@@ -25,6 +25,18 @@ def number(value: float | None, unit: str) -> str:
     return f"{value:.3g}" + ("" if unit == "1" else f" {unit}")
 
 
+def _compared(summary: Mapping[str, Any]) -> list[str]:
+    ways = {"diagnose": summary["short"], **{k: v for k, v in summary["baselines"].items() if k != "chance"}}
+    lines = ["", "## Beside simpler ways, on the same cases", "", "| measure | " + " | ".join(ways) + " |",
+             "|---" * (len(ways) + 1) + "|"]  # fmt: skip
+    lines += [
+        f"| {name} | " + " | ".join(percent(way[name]) for way in ways.values()) + " |"
+        for name in summary["short"]
+    ]
+    guess = number(summary["baselines"]["chance"]["named"], "%")
+    return [*lines, "", f"Guessing among all names and places names {guess} of single effects."]
+
+
 def page(summary: Mapping[str, Any]) -> str:
     """The whole page."""
     lines = [
@@ -51,6 +63,8 @@ def page(summary: Mapping[str, Any]) -> str:
         lines.append(f"| {row['name']} | {shown} | {least} | {aim} | {reached} |")
     lines += ["", "## Textbook laws against laws that depart from them", ""]
     lines += [f"- {name}: {percent(share)}" for name, share in summary["law_gap"].items()]
+    if summary.get("baselines"):
+        lines += _compared(summary)
     leak = summary.get("leak")
     if leak:
         lines += ["", "## Does the paperwork tell?", "",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from jointscope import __version__
 from jointscope.atomic import write_text
-from jointscope.experiments.prove import diagnosing, leak, measures, page, pictures
+from jointscope.experiments.prove import baselines, diagnosing, leak, measures, page, pictures
 from jointscope.experiments.prove.judging import Judged, judge
+from jointscope.recordings.reader import read_campaign
+from jointscope.sim.concealed import catalogue
 from jointscope.sim.concealed.seal import SealError, folder_digest, open_seal, sealed_digest
 
 OPENINGS = "openings.json"
@@ -46,6 +49,8 @@ def prove(
         judged.append(judge(known, answer))
     summary = summarise(judged, truth["order"], seal, openings)
     summary["leak"] = _leak(folder, judged)
+    summary["short"] = measures.as_json(measures.short_table(judged))
+    summary["baselines"] = _baselines(folder, [truth["cases"][j.case] for j in judged])
     write_text(out / "summary.json", json.dumps(summary, indent=1, sort_keys=True) + "\n")
     write_text(out / "judged.json", json.dumps(measures.as_json(judged), indent=1) + "\n")
     write_text(out / "proof.md", page.page(summary))
@@ -60,6 +65,24 @@ def _count_opening(folder: Path, seal: str) -> int:
     held.append({"seal": seal, "version": __version__})
     write_text(file, json.dumps(held) + "\n")
     return sum(entry["seal"] == seal for entry in held)
+
+
+def _baselines(folder: Path, truths: list[dict[str, Any]]) -> dict[str, Any]:
+    """The same measures for simpler ways of answering, on the same cases."""
+    labels = {f"{law.effect}@{law.location}" for law in catalogue.LISTED}
+    always, regression = [], []
+    for known in truths:
+        nothing = {"verdict": "none", "effects": []}
+        always.append(judge(known, diagnosing.Answer(known["case"], "answered", 0.0, nothing)))
+        started = time.monotonic()
+        said = baselines.sparse_regression(read_campaign(folder / known["case"]))
+        seconds = time.monotonic() - started
+        regression.append(judge(known, diagnosing.Answer(known["case"], "answered", seconds, said)))
+    return {
+        "chance": {"named": baselines.chance(len(labels))},
+        "always none": measures.as_json(measures.short_table(always)),
+        "sparse regression on the residual": measures.as_json(measures.short_table(regression)),
+    }
 
 
 def _leak(folder: Path, judged: list[Judged]) -> dict[str, Any] | None:

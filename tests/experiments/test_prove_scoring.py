@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from jointscope.experiments.prove import diagnosing, leak, measures
 from jointscope.experiments.prove.diagnosing import Answer
 from jointscope.experiments.prove.judging import FAMILIES, judge
 from jointscope.experiments.prove.proof import prove
+from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
+from jointscope.sim.concealed.paperwork import write_case
 from jointscope.sim.concealed.seal import SealError, folder_digest, write_seal
 
 EFFECT = {
@@ -133,14 +136,28 @@ def test_every_listed_effect_has_a_family():
     assert {law.effect for law in catalogue.LISTED} == set(FAMILIES)
 
 
+def _small_campaign(seed):
+    samples = np.random.default_rng(seed).standard_normal((2, 64))
+    common = {"location": "arm", "radius": 0.8}
+    channels = (
+        Channel(column="f", quantity="force", unit="N", role="input", samples=samples[0], **common),
+        Channel(
+            column="a", quantity="linear-acceleration", unit="m/s^2", role="output", samples=samples[1], **common
+        ),
+    )
+    stream = Stream(file="r.npz", sampling_rate=1024.0, length=64, channels=channels)
+    runs = (Run(id="r1", experiment="hammer", streams=(stream,), brake=True),)
+    plate = Nameplate(topology="single-dof", motion="rotational", plane="horizontal")
+    return Campaign(path=Path(), rig=plate, runs=runs)
+
+
 def _draw(folder, verdicts):
     """A draw of tiny stand-in campaigns with answers already given."""
     cases, out = {}, folder.parent / "out"
     (out / diagnosing.ANSWERS).mkdir(parents=True)
     for i, (kind, effects, reply) in enumerate(verdicts):
         name = f"case{i}"
-        (folder / name).mkdir(parents=True)
-        (folder / name / "campaign.toml").write_text("format = 1\n")
+        write_case(_small_campaign(i), folder / name)
         cases[name] = {**truth(kind, effects, case=name), "digest": folder_digest(folder / name)}
         kept = {**vars(reply), "case": name}
         (out / diagnosing.ANSWERS / f"{name}.json").write_text(json.dumps(kept))
