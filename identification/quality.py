@@ -14,7 +14,8 @@ from jointscope.identification.quality_clocks import clock_findings
 from jointscope.identification.quality_coherence import coherence_findings
 from jointscope.identification.quality_factors import factor_findings
 from jointscope.identification.quality_gravity import gravity_findings, static_relations
-from jointscope.identification.quality_relations import Relation, run_relations
+from jointscope.identification.quality_relation import Relation
+from jointscope.identification.quality_relations import run_relations
 from jointscope.recordings.campaign import Campaign, Run
 from jointscope.recordings.finding import Finding
 from jointscope.recordings.quality import recorded_findings

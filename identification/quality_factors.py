@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from jointscope.identification.quality_relations import Relation
+from jointscope.identification.quality_relation import Relation
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
 from jointscope.recordings.finding import Finding

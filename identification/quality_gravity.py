@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointscope.errors import RefusedError
-from jointscope.identification.quality_relations import Party, Relation
+from jointscope.identification.quality_relation import Party, Relation
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.finding import Finding

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
+from jointscope.identification.quality_hits import hit_relations
+from jointscope.identification.quality_inertia import whole_inertia
+from jointscope.identification.quality_relation import Party, Relation
 from jointscope.identification.quality_signals import (
     ORDER,
     Grid,
@@ -29,47 +31,14 @@ from jointscope.identification.quality_signals import (
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque
-from jointscope.recordings.pulses import Pulse, find_pulses
 
 Real = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Party:
-    """A signal in a relation: multiplying it by s multiplies the relation's gain by s**exponent."""
-
-    signal: Signal
-    exponent: int
-
-
-@dataclass(frozen=True, eq=False)
-class Relation:
-    """One thing that channels must agree on.
-
-    Attributes:
-        gain: Measured over expected, with its sign; only the sign counts where ``high`` is infinite.
-        low: Smallest gain that is no contradiction.
-        high: Largest.
-        says: What was compared, for the message.
-        hard: Whether it can accuse a channel by itself; soft ones only break ties.
-    """
-
-    parties: tuple[Party, ...]
-    gain: float
-    low: float
-    high: float
-    says: str
-    hard: bool = True
-
-    def holds(self, gain: float | None = None) -> bool:
-        """Whether the gain, or another one, is inside the window."""
-        return self.low <= (self.gain if gain is None else gain) <= self.high
 
 
 def run_relations(run: Run, rig: Nameplate) -> Iterator[Relation]:
     """Every relation that the run's channels carry."""
     if run.experiment == "hammer":
-        yield from _hits(run, rig)
+        yield from hit_relations(run, rig)
     if run.brake:
         return
     band = rigid_band(run)
@@ -170,46 +139,6 @@ def _command(run: Run, rig: Nameplate, band: float) -> Iterator[Relation]:
             yield from _compared(motor[0], command, rig, run, band, 0.8, 1.25, says)
 
 
-@dataclass(frozen=True)
-class InertiaRange:
-    """What the nameplate leaves possible [kg m^2]: least, likely and most; no upper bound where it is silent."""
-
-    least: float
-    likely: float
-    most: float
-
-    @property
-    def known(self) -> bool:
-        """Whether an inertia outside is a contradiction."""
-        return math.isfinite(self.most)
-
-    def __str__(self) -> str:
-        return f"{self.least:.3g} to {self.most:.3g} kg m^2 is possible"
-
-
-def whole_inertia(rig: Nameplate) -> InertiaRange:
-    """Of motor and arm together, at the output."""
-    J_M = 0.0
-    if rig.motor_inertia is not None and rig.reduction_ratio is not None:
-        J_M = (rig.motor_inertia + (rig.reducer_inertia or 0.0)) * rig.reduction_ratio**2
-    arm = arm_inertia(rig)
-    if J_M > 0.0 and arm.known:
-        return InertiaRange(J_M + arm.least, J_M + arm.likely, J_M + arm.most)
-    if J_M > 0.0:
-        return InertiaRange(J_M, 2.0 * J_M, 30.0 * J_M)
-    return InertiaRange(arm.least, 1.0, math.inf)
-
-
-def arm_inertia(rig: Nameplate) -> InertiaRange:
-    """Of the arm alone: with its centre of mass at r at least m r^2, hardly more than three times that."""
-    if rig.inertia_reference is not None:
-        return InertiaRange(0.8 * rig.inertia_reference, rig.inertia_reference, 1.25 * rig.inertia_reference)
-    if rig.arm_mass is not None and rig.arm_com_radius:
-        least = rig.arm_mass * rig.arm_com_radius**2
-        return InertiaRange(least, 1.2 * least, 3.0 * least)
-    return InertiaRange(0.0, 1.0, math.inf)
-
-
 def _rigid_body(run: Run, rig: Nameplate, band: float) -> Iterator[Relation]:
     """n eta T_e = (J_M + J_L) q'' + friction + gravity at low frequency."""
     drive = _drive(run, rig)
@@ -285,84 +214,3 @@ def _apparent_inertia(
     noise = float(np.var(y - A / scale @ solution)) * y.size / max(independent - rank, 1.0)
     error = math.sqrt(noise * np.linalg.inv((A / scale).T @ (A / scale))[0, 0])
     return float(solution[0] / scale[0]) if abs(solution[0]) > 6.0 * error else None
-
-
-def _hits(run: Run, rig: Nameplate) -> Iterator[Relation]:
-    """While the hammer pushes, the arm beneath it accelerates with the push."""
-    for force in run.select("force", role="input"):
-        pulses = find_pulses(force.samples, force.sampling_rate, share=0.5)
-        if not pulses:
-            continue
-        says = f"{force.channel.column}: a hammer only pushes"
-        yield Relation((Party(force, 1),), math.copysign(1.0, pulses[0].height), 0.0, math.inf, says, hard=False)
-        for quantity in ("linear-acceleration", "acceleration", "angular-acceleration"):
-            for response in run.select(quantity, role="output"):
-                if response.channel.direction == "tangential" and response.device == force.device:
-                    yield from _driving_point(force, response, pulses[0], rig)
-
-
-def _driving_point(force: Signal, response: Signal, pulse: Pulse, rig: Nameplate) -> Iterator[Relation]:
-    peak, first, last = pulse.peak, pulse.first, pulse.last
-    f = np.nan_to_num(force.samples - np.nanmedian(force.samples))
-    a = np.nan_to_num(response.samples - np.nanmedian(response.samples[: max(first, 8)]))
-    part = slice(max(0, first - 2), min(f.size, max(peak + 2, (peak + last) // 2 + 1)))
-    norm = float(np.linalg.norm(f[part]) * np.linalg.norm(a[part]))
-    noise = 1.4826 * float(np.median(np.abs(a[: max(first - 4, 8)])))
-    if norm == 0.0 or np.max(np.abs(a[part])) < 8.0 * noise:
-        return
-    correlation = float(f[part] @ a[part]) / norm
-    if abs(correlation) < 0.6:
-        return
-    parties = (Party(response, 1), Party(force, -1))
-    says = f"{response.channel.column} right after the hit of {force.channel.column}"
-    arm = arm_inertia(rig)
-    mass = _apparent_mass(f, a, pulse, force.sampling_rate)
-    radii = force.channel.radius and response.channel.radius
-    known = radii and arm.known and force.channel.calibrated and response.channel.calibrated
-    if not known or mass is None:
-        yield Relation(parties, math.copysign(1.0, correlation), 0.0, math.inf, says)
-        return
-    lever = float(force.channel.radius or 1.0)
-    if response.channel.quantity == "linear-acceleration":
-        lever *= float(response.channel.radius or 1.0)
-    gain = math.copysign(arm.likely / (abs(mass) * lever), correlation)
-    says += f", apparent inertia {abs(mass) * lever:.3g} kg m^2 where {arm}"
-    yield Relation(parties, gain, 0.5 * arm.likely / arm.most, 2.0 * arm.likely / arm.least, says)
-
-
-def _apparent_mass(f: Real, a: Real, pulse: Pulse, rate: float) -> float | None:
-    """J in A = F/(J + c/(j w) - K/w^2) over the lines that stand out of the noise; ``None`` if vague.
-
-    Fitted together with stiffness and damping, so that a soft tip that excites only below the resonance is no inertia;
-    weighted so that the response's error is least (Sanathanan and Koerner, 1963).
-
-    Args:
-        f: Force of one hit, shape (n,), zero at rest.
-        a: Response, likewise.
-    """
-    contact = slice(max(0, pulse.first - 4), pulse.last + 5)
-    F = np.fft.rfft(np.concatenate([np.zeros(contact.start), f[contact], np.zeros(f.size - contact.stop)]))
-    A = np.fft.rfft(a)
-    quiet = a[: pulse.first - 4] if pulse.first >= 20 else a[-a.size // 10 :]
-    noise = float(np.std(quiet)) * math.sqrt(a.size)
-    omega = 2.0 * math.pi * np.fft.rfftfreq(f.size, 1.0 / rate)
-    used = (np.abs(A) > 6.0 * noise) & (np.abs(F) > 0.3 * np.abs(F[1:8]).max()) & (omega > 0.0)
-    if np.count_nonzero(used) < 16:
-        return None
-    F, A, omega = F[used], A[used], omega[used]
-    columns = np.column_stack([A, A / (1j * omega), -A / omega**2])  # (lines, 3)
-    weight = np.abs(A / F)
-    for _ in range(4):
-        M = np.concatenate([(columns * weight[:, None]).real, (columns * weight[:, None]).imag])
-        y = np.concatenate([(F * weight).real, (F * weight).imag])
-        scale = np.linalg.norm(M, axis=0)
-        solution, _, rank, _ = np.linalg.lstsq(M / scale, y, rcond=1e-9)
-        if rank < 3:
-            return None
-        J, c, K = solution / scale
-        weight = 1.0 / np.abs(J + c / (1j * omega) - K / omega**2)
-    variance = float(np.sum((y - M / scale @ solution) ** 2)) / (y.size - 3)
-    error = math.sqrt(variance * np.linalg.inv((M / scale).T @ (M / scale))[0, 0]) / scale[0]
-    # without lines well above the resonance the inertia is a matter of the model, not of the data
-    inertial = K <= 0.0 or omega[-1] > 1.5 * math.sqrt(K / abs(J))
-    return float(J) if inertial and abs(J) > 10.0 * error else None

@@ -187,7 +187,7 @@ def _check_channel(channel: Table, rig: Table, file: Path, where: str) -> None:
         raise CampaignError(
             file, f"{where}.role", "a command is an input", value=channel["role"], fix="role = 'input'"
         )
-    if channel.get("side") == "output" and "reduction_ratio" not in rig:
+    if channel.get("side") == "output" and "reduction_ratio" not in rig and rig["topology"] != "arm":
         raise CampaignError(
             file,
             f"{where}.side",

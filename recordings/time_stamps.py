@@ -6,7 +6,6 @@ passes through what was recorded, found by banded least squares.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -139,12 +138,3 @@ def _solved(steps: Real, values: Real, index: NDArray[np.int64], length: int) ->
     grid = np.full(length, np.nan)
     grid[index[here]] = solution[index[here]]
     return grid
-
-
-def describe_jitter(jitter: float, rate: float) -> str:
-    """One clause on the jitter [s] of a stream sampled at ``rate`` [Hz]."""
-    return (
-        f"time stamps off the grid by up to {jitter * 1e6:.3g} us ({100.0 * jitter * rate:.2g} % of a sample)"
-        if math.isfinite(jitter)
-        else "no time stamps"
-    )

@@ -8,6 +8,8 @@ import pytest
 from nptdms import ChannelObject, TdmsWriter
 
 from jointscope.cli import main
+from jointscope.recordings.draft.drafting import draft_campaign
+from jointscope.recordings.draft.records import records_of
 from jointscope.recordings.draft.runs import hit_windows
 from jointscope.recordings.reader import read_campaign
 
@@ -151,3 +153,30 @@ def test_windows_hold_one_hit_each_and_never_overlap(rng):
     assert len(windows) == 4  # the bounce at 2.53 s stays with its hit
     assert all(a[1] <= b[0] + 1e-9 for a, b in pairwise(windows))
     assert hit_windows(0.05 * rng.standard_normal(3000), RATE) == []
+
+
+def test_only_what_the_files_do_not_say_is_asked_and_an_answer_is_no_guess(tmp_path, rng):
+    _, force, acc = hits(rng, [0.5], [100.0], length=3.0)
+    write_csv(tmp_path / "take.csv", hammer=force, acc=acc, ch3=acc)
+    answers = {"sampling rate": "1000", "gravity": "horizontal", "ch3": "angular-velocity", "distance": "0.8"}
+    asked = []
+
+    def ask(question, usual):
+        asked.append(question)
+        return next((answer for word, answer in answers.items() if word in question), usual)
+
+    rig, runs, unplaced = draft_campaign(
+        records_of(tmp_path / "take.csv"), {tmp_path / "take.csv": "a.csv"}, {}, ask
+    )
+    assert rig.guessed == {} and rig.values["plane"] == "horizontal"
+    assert not any("arm angle" in question for question in asked)
+    assert len([question for question in asked if "sampling rate" in question]) == 1
+    assert unplaced == []
+    stream, channels = runs[0].streams[0]
+    assert stream.values["sampling_rate"] == 1000.0
+    assert [channel.values["quantity"] for channel in channels] == [
+        "force",
+        "linear-acceleration",
+        "angular-velocity",
+    ]
+    assert "radius" not in channels[0].guessed and channels[0].values["radius"] == 0.8
