@@ -47,7 +47,11 @@ def channel_line(channel: Channel, **changed: object) -> str:
     values: dict[str, object] = {}
     for field in fields(Channel):
         value = getattr(channel, field.name)
-        if field.name in ("samples", "coherence", "file_unit") or value is None or _DEFAULTS.get(field.name) == value:
+        if (
+            field.name in ("samples", "coherence", "file_unit")
+            or value is None
+            or _DEFAULTS.get(field.name) == value
+        ):
             continue
         values[field.name] = list(value) if isinstance(value, tuple) else value
     values.update(changed)
