@@ -189,13 +189,14 @@ def fitted(base: BaseSpec, measured: tuple[Response, ...], starts: tuple[Vector,
 
 
 def passive_polarities(measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:
-    """-1 for each kind of channel beside the input whose mobility would give out energy, else +1.
+    """-1 for each kind of channel beside a hammer or shaker whose mobility would give out energy, else +1.
 
-    Where the input acts, Re(velocity per force) >= 0 for whatever passive machine stands behind it: no model is needed.
+    Where the force acts, Re(velocity per force) >= 0 for whatever passive machine stands behind it: no model is needed.
+    A motor's torque is excluded: under a drive's feedback, weight and friction correlate with it.
     """
     found: dict[tuple[object, ...], float] = {}
     for response in measured:
-        if response.at_motor != response.by_motor or not response.phased:
+        if response.at_motor or response.by_motor or not response.phased:
             continue
         mobility = response.weight * response.H / (2j * np.pi * response.f)
         share = float(np.sum(np.real(mobility)) / (np.sum(np.abs(mobility)) + 1e-300))
@@ -204,11 +205,11 @@ def passive_polarities(measured: tuple[Response, ...]) -> dict[tuple[object, ...
 
 
 def polarities(theta: Vector, measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:
-    """-1 for each kind of channel away from the input whose phase plainly contradicts the base's, else +1."""
+    """-1 for each kind of channel whose phase plainly contradicts the base's, else +1."""
     named = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
     found: dict[tuple[object, ...], float] = {}
     for response in measured:
-        if response.at_motor == response.by_motor or not response.phased:
+        if not response.phased:
             continue
         agreement = _agreement(response, model_response(named, response))
         if abs(agreement) > abs(found.get(response.key, 0.0)):

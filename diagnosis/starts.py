@@ -55,13 +55,6 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
     base = base_spec(rig, runs)
     runs, findings = _righted(runs, passive_polarities(responses(runs, exact=exact)))
     measured = responses(runs, exact=exact)
-    slow = rigid_start(base, runs, base.start, known_inertia(rig))
-    quick = fitted(base, measured, (base.start,) if slow is None else (base.start, slow))
-    candidates = [start for start in (quick, slow, base.start) if start is not None]
-    if quick is not None:
-        rest = rigid_start(base, runs, quick, known_inertia(rig))
-        if rest is not None:
-            candidates.append(_joined(quick, rest))
     problem = Problem(
         rig=rig,
         runs=runs,
@@ -70,15 +63,30 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
         torque_calibrated=torque_calibrated(runs),
         findings=findings,
     )
-    problem, best = _nearest(problem, candidates)
-    for key, sign in polarities(best, measured).items():
+    problem = _nearest(problem, measured)
+    for key, sign in polarities(problem.base.start, measured).items():
         if sign > 0.0:
             continue
         turned, found = _righted(problem.runs, {key: sign})
-        other, start = _nearest(replace(problem, runs=turned, findings=(*problem.findings, *found)), candidates)
-        if _misfit(other, start) < _misfit(problem, best):
-            problem, best = other, start
+        other = replace(problem, runs=turned, base=base, findings=(*problem.findings, *found))
+        other = _nearest(other, responses(turned, exact=exact))
+        if _misfit(other, other.base.start) < _misfit(problem, problem.base.start):
+            problem = other
     return problem
+
+
+def _nearest(problem: Problem, measured: tuple[Response, ...]) -> Problem:
+    """The problem with whichever candidate comes nearest to its recordings as start."""
+    base, runs, known = problem.base, problem.runs, known_inertia(problem.rig)
+    slow = rigid_start(base, runs, base.start, known)
+    quick = fitted(base, measured, (base.start,) if slow is None else (base.start, slow))
+    candidates = [start for start in (quick, slow, base.start) if start is not None]
+    if quick is not None:
+        rest = rigid_start(base, runs, quick, known)
+        if rest is not None:
+            candidates.append(_joined(quick, rest))
+    best = min(candidates, key=lambda start: _misfit(problem, start))
+    return replace(problem, base=replace(base, start=best))
 
 
 def _joined(quick: Vector, slow: Vector) -> Vector:
@@ -87,12 +95,6 @@ def _joined(quick: Vector, slow: Vector) -> Vector:
     for name in ("gravity_moment", "torque_offset", "motor_damping", "load_damping"):
         joined[BASE_INDEX[name]] = slow[BASE_INDEX[name]]
     return joined
-
-
-def _nearest(problem: Problem, candidates: list[Vector]) -> tuple[Problem, Vector]:
-    """The problem with whichever start comes nearest to its recordings, and that start."""
-    best = min(candidates, key=lambda start: _misfit(problem, start))
-    return replace(problem, base=replace(problem.base, start=best)), best
 
 
 def _misfit(problem: Problem, start: Vector) -> float:
