@@ -507,6 +507,8 @@ def _outputs(
             continue
         if mode == "braked" and channel.location == "motor":
             continue
+        if mode == "torque-driven" and channel.direction == "radial":
+            continue  # weight's share in it follows the drift that nothing observes
         if channel.quantity in SPEED_OF and _same_sensor(signal, recorded):
             continue
         outputs.append(_output(signal, rig, run, mode, daq, observed, run.arm_angle))

@@ -28,6 +28,7 @@ from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import BaseSpec, PreparedRun
+    from jointscope.diagnosis.responses import Response
     from jointscope.identification.drive import Drive
     from jointscope.recordings.campaign import Campaign, Nameplate
 
