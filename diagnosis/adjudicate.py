@@ -152,7 +152,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
             break
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
-    judged = tuple(_evidence(h, objective, held) for h in everything)
+    judged = tuple(evidence(h, objective, held) for h in everything)
     return Judgement(judged, objective, held, noise)
 
 
@@ -173,7 +173,8 @@ def _occam(hypothesis: Hypothesis, samples: int) -> float:
     return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2)) + chosen_runs
 
 
-def _evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
+def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
+    """A hypothesis as it stands, under the noise of ``objective`` and ``held``."""
     theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
     predictions = objective.predictions(theta, effects)
     w = np.concatenate([objective.whiten_run(i, p) for i, p in enumerate(predictions)])

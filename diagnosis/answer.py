@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointscope.diagnosis.adjudicate import Comparison, Judged
+from jointscope.diagnosis.adjudicate import Comparison, Judged, compare
+from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
 from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.next_experiment import next_experiment
@@ -29,12 +30,12 @@ REFERENCES = {
 ROTATIONAL = {
     "stiffness": "N m/rad", "damping": "N m s/rad", "load_inertia": "kg m^2", "motor_inertia": "kg m^2",
     "motor_damping": "N m s/rad", "load_damping": "N m s/rad", "gravity_moment": "N m", "efficiency": "1",
-    "torque_scale": "1", "drive_gain": "N m s/rad", "drive_integral": "N m/rad",
+    "torque_scale": "1", "torque_offset": "N m", "drive_gain": "N m s/rad", "drive_integral": "N m/rad",
 }  # fmt: skip
 TRANSLATIONAL = {
     "stiffness": "N/m", "damping": "N s/m", "load_inertia": "kg", "motor_inertia": "kg", "motor_damping": "N s/m",
     "load_damping": "N s/m", "gravity_moment": "N", "efficiency": "1", "torque_scale": "1", "drive_gain": "N s/m",
-    "drive_integral": "N/m",
+    "drive_integral": "N/m", "torque_offset": "N",
 }  # fmt: skip
 SHIFTED = 3.0  # sigma beyond which a rough value is said to have been off
 
@@ -195,8 +196,14 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
             {"effects": list(r.names), "probability": round(r.probability, 6), "score": round(r.score, 3)}
             for r in decision.ranking[:20]
         ],
-        "where": None,
+        "where": where_json(diagnosis),
         "held_out": held_out,
+        "black_box": black_box_json(diagnosis, free),
+        "adequacy": {
+            "explained": number(decision.adequacy.explained),
+            "base_left": decision.adequacy.base_left,
+            "model_left": decision.adequacy.model_left,
+        },
         "parameters": base_parameters(problem, chosen, found),
         "verdict_probability": round(decision.probability, 4),
         "unknown_reason": decision.unknown_reason,
@@ -215,6 +222,56 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
     if held_out is None:
         answer["held_out_reason"] = diagnosis.split.reason
     return answer
+
+
+def where_json(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """``where``: place, band, runs and what it depends on; ``None`` where nothing was found."""
+    decision = diagnosis.decision
+    if decision.verdict == "none":
+        return None
+    shown = showing(diagnosis.judgement, decision.chosen)
+    specs = decision.chosen.hypothesis.specs
+    names = [spec.name for spec in specs]
+    locations = list(dict.fromkeys(spec.location for spec in specs))
+    location: str | None
+    if decision.verdict == "effects":
+        location = locations[0]
+    else:
+        candidates = {name.split("@")[1] for names in decision.candidates for name in names}
+        location = candidates.pop() if len(candidates) == 1 else diagnosis.places.location
+    depends = list(dict.fromkeys(d for name in names for d in DEPENDS.get(name, ())))
+    if decision.unknown_reason == "outside-catalogue":
+        depends = [spec.variant for spec in specs if spec.name == "latent-law"]
+    return {
+        "location": location,
+        "locations": locations if decision.verdict == "effects" else [],
+        "frequency_hz": None if shown.frequency_hz is None else list(shown.frequency_hz),
+        "runs": list(shown.runs),
+        "depends_on": depends,
+        "by_unnamed_force": diagnosis.places.probabilities,
+    }
+
+
+def black_box_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any] | None:
+    """A force without a name of nine nodes, fitted to the same runs: what flexibility alone buys, and its shape."""
+    box = diagnosis.black_box
+    if box is None:
+        return None
+    table = diagnosis.places.tables[0]
+    theta, effects = box.fit.coordinates.unpack(box.fit.x)
+    against = compare(diagnosis.judgement, diagnosis.judgement.base, box)
+    errors = channel_errors(
+        diagnosis.problem, free, diagnosis.split.held_out, theta, effects, diagnosis.judgement.noise
+    )
+    return {
+        "location": table.location,
+        "depends_on": table.variable,
+        "nodes": table.nodes.tolist(),
+        "torque": list(effects[0].values),
+        "gain_nats": number(against.gain),
+        "held_out_gain_nats": number(against.held_gain),
+        "held_out_error": number(mean_error(errors)) if errors else None,
+    }
 
 
 def finite_or_none(value: Any) -> Any:  # noqa: ANN401 - JSON is any

@@ -3,21 +3,26 @@
 { "format": "jointscope-model/1", "kind": "diagnosis",
   "rig": { nameplate },
   "base": { "stiffness": K [N m/rad], ... every base parameter, the drive's nuisance among them },
-  "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value } } ] }
+  "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value },
+                 "runs": { run id: weight, for effects of some runs }, "range": [ends of an unnamed law's nodes] } ] }
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.effects import REGISTRY, ActiveEffect
+from jointscope.diagnosis.effects import DRIFT_PER_RUN, LATENT, PAYLOAD, REGISTRY, ActiveEffect, with_run_weights
+from jointscope.diagnosis.effects.latent import node_range
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Nameplate
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import Problem
 
 FORMAT = "jointscope-model/1"
 KIND = "diagnosis"
@@ -25,33 +30,38 @@ KIND = "diagnosis"
 Vector = NDArray[np.float64]
 
 
-def model_json(
-    rig: Nameplate, names: tuple[str, ...], theta: Vector, effects: tuple[ActiveEffect, ...]
-) -> dict[str, Any]:
+def model_json(problem: Problem, theta: Vector, effects: tuple[ActiveEffect, ...]) -> dict[str, Any]:
     """The file's content as plain data."""
     return {
         "format": FORMAT,
         "kind": KIND,
-        "rig": {key: value for key, value in asdict(rig).items() if value is not None},
-        "base": {name: float(value) for name, value in zip(names, theta, strict=True)},
-        "effects": [
-            {
-                "effect": effect.spec.name,
-                "location": effect.spec.location,
-                "variant": effect.spec.variant,
-                "parameters": {
-                    p.name: float(v) for p, v in zip(effect.spec.parameters, effect.values, strict=True)
-                },
-            }
-            for effect in effects
-        ],
+        "rig": {key: value for key, value in asdict(problem.rig).items() if value is not None},
+        "base": {name: float(value) for name, value in zip(problem.base.names, theta, strict=True)},
+        "effects": [_entry(effect, problem) for effect in effects],
     }
 
 
+def _entry(effect: ActiveEffect, problem: Problem) -> dict[str, Any]:
+    spec = effect.spec
+    entry: dict[str, Any] = {
+        "effect": spec.name,
+        "location": spec.location,
+        "variant": spec.variant,
+        "parameters": {p.name: float(v) for p, v in zip(spec.parameters, effect.values, strict=True)},
+    }
+    if spec.run_weights is not None:
+        entry["runs"] = {
+            run.run.id: weight for run, weight in zip(problem.runs, spec.run_weights, strict=True) if weight
+        }
+    if spec.name == LATENT[0].name:
+        entry["range"] = list(node_range(problem, spec.location, spec.variant))
+    return entry
+
+
 def read_model_json(
-    model: Mapping[str, Any], names: tuple[str, ...]
+    model: Mapping[str, Any], problem: Problem
 ) -> tuple[Nameplate, Vector, tuple[ActiveEffect, ...]]:
-    """Nameplate, base parameters in the order of ``names`` and effects.
+    """Nameplate, base parameters in the order of ``problem.base.names`` and effects as they act in ``problem``.
 
     Raises:
         RefusedError: Another kind of model, a base parameter is missing, or an effect is not in the catalogue.
@@ -63,23 +73,35 @@ def read_model_json(
     known = {entry.name for entry in fields(Nameplate)}
     rig = Nameplate(**{key: value for key, value in model["rig"].items() if key in known})
     base = model["base"]
-    missing = [name for name in names if name not in base]
+    missing = [name for name in problem.base.names if name not in base]
     if missing:
         raise RefusedError(f"model.json: base.{missing[0]} is missing; diagnose the campaign again")
-    theta = np.array([float(base[name]) for name in names])
-    return rig, theta, tuple(_effect(entry) for entry in model["effects"])
+    theta = np.array([float(base[name]) for name in problem.base.names])
+    return rig, theta, tuple(_effect(entry, problem) for entry in model["effects"])
 
 
-def _effect(entry: Mapping[str, Any]) -> ActiveEffect:
-    for spec in REGISTRY:
-        if (spec.name, spec.location, spec.variant) == (
-            entry["effect"],
-            entry["location"],
-            entry.get("variant", ""),
-        ):
-            parameters = entry["parameters"]
-            return ActiveEffect(spec, tuple(float(parameters[p.name]) for p in spec.parameters))
+def _effect(entry: Mapping[str, Any], problem: Problem) -> ActiveEffect:
+    name, location, variant = entry["effect"], entry["location"], entry.get("variant", "")
+    for spec in (*REGISTRY, *LATENT, PAYLOAD, DRIFT_PER_RUN):
+        if (spec.name, spec.location, spec.variant) == (name, location, variant):
+            values = tuple(float(entry["parameters"][p.name]) for p in spec.parameters)
+            if spec.name == LATENT[0].name:
+                values = _on_these_nodes(values, entry["range"], node_range(problem, spec.location, spec.variant))
+            if spec in (PAYLOAD, DRIFT_PER_RUN):  # a run that the file does not name is as the base has it
+                runs = entry.get("runs", {})
+                weights = tuple(float(runs.get(run.run.id, 0.0)) for run in problem.runs)
+                return ActiveEffect(with_run_weights(spec, weights, problem), values)
+            return ActiveEffect(spec, values)
     raise RefusedError(
-        f"model.json: effect {entry['effect']!r} at {entry['location']!r} (variant {entry.get('variant', '')!r}) is not "
-        "in this version's catalogue; diagnose the campaign again"
+        f"model.json: effect {name!r} at {location!r} (variant {variant!r}) is not in this version's catalogue; "
+        "diagnose the campaign again"
     )
+
+
+def _on_these_nodes(
+    values: tuple[float, ...], old: Sequence[float], new: tuple[float, float]
+) -> tuple[float, ...]:
+    """A table read at the nodes of another campaign's range; constant beyond its own."""
+    nodes = np.linspace(new[0], new[1], len(values))
+    table = np.interp(nodes, np.linspace(float(old[0]), float(old[1]), len(values)), values)
+    return tuple(float(v) for v in table)

@@ -67,7 +67,7 @@ def two_groups(values: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     scale = max(within, float(np.median(errors[known])))
     if gaps[k] < PARTED * scale or min(len(g) for g in groups) < 1:
         return None
-    return known & upper
+    return np.asarray(known & upper)
 
 
 def labelling_cost(spec: EffectSpec) -> float:

@@ -10,13 +10,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from jointscope.diagnosis.adjudicate import Judgement, judge
+from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.base import Stage, refit_base
+from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.split import Split, split_runs
-from jointscope.diagnosis.verdict import Decision, decide
+from jointscope.diagnosis.verdict import Decision, decide, with_unknown_force
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -36,6 +37,8 @@ class Diagnosis:
         screening: The score tests on top of it.
         judgement: Every fitted hypothesis under one noise model.
         decision: Verdict, ranking and probabilities.
+        places: Forces without a name, place by place, on top of the base.
+        black_box: The best of them fitted: what flexibility alone buys.
     """
 
     problem: Problem
@@ -44,6 +47,8 @@ class Diagnosis:
     screening: Screening
     judgement: Judgement
     decision: Decision
+    places: Places
+    black_box: Judged | None
 
 
 def diagnose(
@@ -71,4 +76,9 @@ def diagnose(
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
-    return Diagnosis(problem, split, stage, screening, judgement, decision)
+    report("locating what is left without a name")
+    where = places(judgement, judgement.base)
+    black_box = judged_table(judgement, where.tables[0]) if where.tables else None
+    if decision.unknown_reason == "outside-catalogue" and black_box is not None:
+        decision = with_unknown_force(judgement, decision, black_box)
+    return Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box)

@@ -32,7 +32,7 @@ def predict_campaign(
     from jointscope.diagnosis.prepare import prepare_inputs
 
     problem = prepare_inputs(campaign)
-    _, theta, effects = read_model_json(model, problem.base.names)
+    _, theta, effects = read_model_json(model, problem)
     predictions: dict[str, list[tuple[Signal, NDArray[np.float64]]]] = {}
     for run in problem.runs:
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -103,6 +103,14 @@ def decide(judgement: Judgement) -> Decision:
         alike = tuple(r.names for r in near)
         return Decision("unknown", top.judged, together, ranking, "not-identifiable", alike, fit)
     return Decision("effects", top.judged, top.probability, ranking, None, (), fit)
+
+
+def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:
+    """The same answer with the measured force as the model that is handed on, where that force carries over."""
+    against = compare(judgement, decision.chosen, table)
+    if math.isnan(against.held_gain) or against.held_gain <= 0.0:
+        return decision
+    return replace(decision, chosen=table)
 
 
 def _beyond(ratio: float) -> float:

@@ -242,7 +242,7 @@ def both_engines(campaign, problem, effects):
 
     true = {k: v for k, v in base_parameters().items() if not k.startswith(("torque", "drive"))}
     theta = problem.theta(**true)
-    built = augment(model_json(problem.rig, problem.base.names, theta, effects))
+    built = augment(model_json(problem, theta, effects))
     description = json.loads(json.dumps(built.description))
     for run in problem.runs:
         reduced = free_prediction(run, theta, effects, problem)

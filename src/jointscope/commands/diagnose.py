@@ -70,9 +70,9 @@ def run(options: argparse.Namespace) -> int:
         report("writing")
         answer = finite_or_none(diagnosis_json(diagnosis, free_prediction))
     theta, effects = diagnosis.decision.chosen.fit.coordinates.unpack(diagnosis.decision.chosen.fit.x)
-    model = model_json(problem.rig, problem.base.names, theta, effects)
+    model = model_json(problem, theta, effects)
     alone = diagnosis.judgement.base.fit
-    model["base_alone"] = model_json(problem.rig, problem.base.names, alone.coordinates.unpack(alone.x)[0], ())["base"]
+    model["base_alone"] = model_json(problem, alone.coordinates.unpack(alone.x)[0], ())["base"]
     answer["campaign"] = Path(os.path.relpath(options.campaign, options.out)).as_posix()
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
     write_text(options.out / "model.json", json.dumps(model, indent=2, allow_nan=False) + "\n")
