@@ -13,7 +13,7 @@ from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly, Chain
-    from jointscope.diagnosis.prepare import PreparedRun
+    from jointscope.diagnosis.problem import PreparedRun
 
 Vector = NDArray[np.float64]
 

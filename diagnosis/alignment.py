@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from jointscope.diagnosis.predict import predict_outputs
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import PreparedRun, Problem
+    from jointscope.diagnosis.problem import PreparedRun, Problem
     from jointscope.recordings.bandlimited import Bandlimited
     from jointscope.recordings.campaign import Run
 

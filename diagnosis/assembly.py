@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis import kernel
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import PreparedRun, Problem
+    from jointscope.diagnosis.problem import PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from jointscope.diagnosis import kernel
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Output, PreparedRun
+    from jointscope.diagnosis.problem import Output, PreparedRun
 
 Vector = NDArray[np.float64]
 

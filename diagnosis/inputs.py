@@ -85,7 +85,7 @@ def load_torque(run: Run) -> Drive | None:
         elif channel.quantity == "torque" and channel.location in ("arm", "load"):
             parts.append(_drive(signal, 1.0, channel.calibrated))
         elif channel.quantity == "force" and channel.location == "load":
-            parts.append(_drive(signal, 1.0, channel.calibrated))
+            parts.append(_drive(signal, 1.0, channel.calibrated, impact=run.experiment == "hammer"))
     return _sum(parts) if parts else None
 
 

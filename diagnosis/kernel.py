@@ -11,6 +11,8 @@ is located, the velocity set to zero there, and the contact sticks for as long a
 (no smoothed sign). Rate-independent hysteresis is closed-form along the step, so it adds no stiffness. Play and stops
 are exact piecewise laws.
 
+One file, because compiled code is cached per file: a law changed in another one would not be compiled anew.
+
 With a recorded angle a fixed-gain observer moves the rigid body only (both inertias alike, so the wind-up is left
 alone): x' = f(x, u) + L (y - C x).
 """

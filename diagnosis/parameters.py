@@ -12,7 +12,7 @@ from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.models.parameters import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import BaseSpec, PreparedRun
+    from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.recordings.campaign import Nameplate
 
 
@@ -25,7 +25,7 @@ def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
 
 def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     """Which parameters these recordings can move, from the nameplate alone for now."""
-    from jointscope.diagnosis.prepare import BaseSpec
+    from jointscope.diagnosis.problem import BaseSpec
 
     moving = any(run.motor_moves for run in runs)
     driven = any(run.motor is not None for run in runs)

@@ -16,7 +16,7 @@ from jointscope.diagnosis.vibration import disturbance
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
-    from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
+    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def inverse_force(
 
     from scipy.signal import butter, sosfiltfilt
 
-    from jointscope.diagnosis.prepare import INVERSE_CORNER
+    from jointscope.diagnosis.run_preparation import INVERSE_CORNER
 
     if run.observed is None or run.observed.rate_signal or run.motor_moves or run.spring:
         return None

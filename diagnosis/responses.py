@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import BaseSpec, Output, PreparedRun
+    from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
 
 Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]

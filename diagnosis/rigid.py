@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from jointscope.diagnosis.assembly import BASE_INDEX
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import BaseSpec, Output, PreparedRun
+    from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
 
 Vector = NDArray[np.float64]
 

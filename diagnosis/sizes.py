@@ -11,10 +11,10 @@ from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.predict import build, integrate
-from jointscope.diagnosis.prepare import Scales
+from jointscope.diagnosis.problem import Scales
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 
 def unit_scales() -> Scales:

@@ -18,7 +18,7 @@ from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.channels import high_pass
 from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.prepare import Observed, Problem
+from jointscope.diagnosis.problem import Observed, Problem
 from jointscope.diagnosis.responses import channel_key, fitted, passive_polarities, polarities, responses
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
@@ -27,7 +27,7 @@ from jointscope.models.parameters import Joint, ParameterError
 from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import BaseSpec, PreparedRun
+    from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.diagnosis.responses import Response
     from jointscope.identification.drive import Drive
     from jointscope.recordings.campaign import Campaign, Nameplate

@@ -17,7 +17,7 @@ from jointscope.diagnosis.channels import ACCELERATIONS
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Output, PreparedRun
+    from jointscope.diagnosis.problem import Output, PreparedRun
 
 Vector = NDArray[np.float64]
 

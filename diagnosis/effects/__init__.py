@@ -25,7 +25,7 @@ from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, Paramete
 from jointscope.diagnosis.effects.transmission import DRIFT_PER_RUN
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 __all__ = [
     "DRIFT_PER_RUN",

@@ -30,7 +30,7 @@ from jointscope.diagnosis.effects.spec import (
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 
 def _blocks(location: str) -> tuple[int, int]:

@@ -22,7 +22,7 @@ from jointscope.diagnosis.effects.spec import (
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 _SITES: dict[str, int] = {
     "motor": kernel.AT_MOTOR,

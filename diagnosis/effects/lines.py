@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from jointscope.diagnosis.channels import ACCELERATIONS
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.prepare import PreparedRun, Problem
+    from jointscope.diagnosis.problem import PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 Residuals = Sequence[Sequence[Vector]]  # per run of the problem, per output of the run: data - prediction

@@ -19,7 +19,7 @@ from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, 
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 
 def _gravity(assembly: Assembly, values: Values, weight: float) -> None:

@@ -32,7 +32,7 @@ from jointscope.diagnosis.effects.spec import (
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 _DAMPING = 0.02  # start; narrow enough to be a mode, wide enough for a grid of frequencies to hit it
 _GRID = 1.15

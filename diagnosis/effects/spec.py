@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 Location = Literal["motor", "transmission", "load", "base", "neighbour", "acquisition"]
 Family = Literal[

@@ -23,7 +23,7 @@ from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, 
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Problem
 
 _BRANCHES = 5
 _SPACING = (
