@@ -81,7 +81,9 @@ def load_torque(run: Run) -> Drive | None:
         if channel.role != "input":
             continue
         if channel.quantity == "force" and channel.location == "arm":
-            parts.append(_drive(signal, channel.radius or 1.0, channel.calibrated, impact=run.experiment == "hammer"))
+            parts.append(
+                _drive(signal, channel.radius or 1.0, channel.calibrated, impact=run.experiment == "hammer")
+            )
         elif channel.quantity == "torque" and channel.location in ("arm", "load"):
             parts.append(_drive(signal, 1.0, channel.calibrated))
         elif channel.quantity == "force" and channel.location == "load":

@@ -25,7 +25,9 @@ Key = tuple[object, ...]
 
 MAX_ORDER = 12
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
-ANGULAR_FLOOR = 0.03  # the same of what an observed angle does: its innovation is the model's error twice integrated
+ANGULAR_FLOOR = (
+    0.03  # the same of what an observed angle does: its innovation is the model's error twice integrated
+)
 ENVELOPE_WINDOW = 0.05  # s
 GAIN_BOUNDS = (0.002, 0.05)  # standard deviation of a hit's gain [-]
 TIMING_BOUNDS = (3e-6, 2e-4)  # of a hit's time [s]

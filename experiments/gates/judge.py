@@ -72,7 +72,10 @@ def judge(gate: Gate, figure: object) -> Outcome:
         deviation = abs(figure / gate.target - 1.0)
         margin = 1.0 - deviation / gate.within if gate.within > 0 else None
         return Outcome(
-            gate=gate, status="PASS" if deviation <= gate.within * (1.0 + 1e-12) else "FAIL", figure=figure, margin=margin
+            gate=gate,
+            status="PASS" if deviation <= gate.within * (1.0 + 1e-12) else "FAIL",
+            figure=figure,
+            margin=margin,
         )
     bound = gate.below if gate.below is not None else gate.above
     assert bound is not None

@@ -10,7 +10,9 @@ from jointscope.diagnosis.screen import pair_gains, score, tangent
 def effect(lower=-1.0):
     """An effect whose amplitude may take either sign, or only one."""
     parameter = SimpleNamespace(name="amplitude", null=0.0, lower=lower, upper=1.0, log=False)
-    return SimpleNamespace(spec=SimpleNamespace(parameters=(parameter,), amplitude=0, name="e", location="l"), values=(1.0,))
+    return SimpleNamespace(
+        spec=SimpleNamespace(parameters=(parameter,), amplitude=0, name="e", location="l"), values=(1.0,)
+    )
 
 
 def problem(seed=1, n=300, k=4):
