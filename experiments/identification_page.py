@@ -73,8 +73,8 @@ def _parameters(found: Identification) -> Section:
             rows=rows,
         ),
         notes=(
-            "The headline interval is the wider of the two beside it: from the noise and scatter model, and from the "
-            "spread between hits.",
+            "The headline interval is the wider of the two beside it, from the noise and scatter model and from the spread "
+            "between hits, unless they differ by no more than such a spread scatters by chance.",
             *found.notes,
         ),
     )
