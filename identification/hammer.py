@@ -22,7 +22,6 @@ from jointscope.identification.joint_values import (
     gradients,
     joint_estimates,
     main_mode,
-    main_mode_of,
     mode_estimates,
     sift,
     units,
@@ -32,7 +31,8 @@ from jointscope.identification.linear_start import single_mode_start
 from jointscope.identification.modal_model import ModalModel
 from jointscope.identification.model_file import BaseModel, Term, joint_values
 from jointscope.identification.modes import ModeSelection, select_modes
-from jointscope.identification.result import Identification, Level, Mode, Refused
+from jointscope.identification.refusals import check_coherence, check_record, check_resonance
+from jointscope.identification.result import Identification, Level, Refused
 from jointscope.recordings.campaign import Nameplate
 
 Real = NDArray[np.float64]
@@ -41,7 +41,6 @@ LOWEST = 2.0  # Hz: below it G ~ s^2/K drowns in every sensor's noise
 PAPER_TOP = 50.0  # Hz: the paper's band for one mode
 FORCE_SHARE = 0.1  # of the force spectrum's largest line down to which it still drives the joint
 ENDED = 1e-4  # share of its amplitude below which a decay has ended
-VAGUE = 0.05  # half a 95 % interval over a frequency above which it is no resonance
 OUTLIER = 6.0  # robust standard deviations
 
 
@@ -86,14 +85,14 @@ def identify_hammer(
     input_unit = usable[0].input_unit if all(hit.calibrated for hit in usable) else "input unit"
     unit = units(rig, input_unit)
     modes = mode_estimates(fit, of)
-    _check_resonance(modes, band)
+    check_resonance(modes, band)
     found, refused, notes = joint_estimates(fit, of, rig, unit, gravity)
     base = _base_model(fit, of, found, rig, input_unit)
     found, too_wide = sift(found, len(fit.hits))
     refused += [*too_wide, *_uncalibrated(input_unit)]
     out = {row.run for row in outliers}
     average = averaged_frf([hit for hit in spectra if hit.run not in out])
-    _check_coherence(average, modes, band)
+    check_coherence(average, modes, band)
     levels, probability = _levels(fit, rig, unit, gravity) if plan.levels else ((), None)
     disagreement = gradients(fit, of, main_mode(fit)).disagreement
     if disagreement > 0.05:
@@ -138,7 +137,7 @@ def _prepare(
         selection = _choose(marked, band, 1 if start.modes == 1 else plan.modes)
         start = selection.model or single_mode_start([hit.in_band(band) for hit in marked])
         marked = _mark_truncated(spectra, float(start.a1.min()))
-    _check_record(marked, start, band)
+    check_record(marked, start, band)
     return marked, start, selection, band
 
 
@@ -156,51 +155,6 @@ def _choose(spectra: Sequence[HitSpectrum], band: tuple[float, float], count: in
 
 def _mark_truncated(spectra: Sequence[HitSpectrum], a1: float) -> list[HitSpectrum]:
     return [replace(hit, truncated=bool(np.exp(-0.5 * a1 * hit.duration) > ENDED)) for hit in spectra]
-
-
-def _check_record(spectra: Sequence[HitSpectrum], start: ModalModel, band: tuple[float, float]) -> None:
-    frequency = float(start.natural_frequency[main_mode_of(start)] / (2.0 * math.pi))
-    if not band[0] < frequency < 0.98 * band[1]:
-        raise RefusedError(
-            f"the resonance at {frequency:.3g} Hz lies outside the usable band of {band[0]:.3g} to {band[1]:.3g} Hz: "
-            "a harder tip drives higher frequencies, a longer record reaches lower ones"
-        )
-    shortest = min(hit.duration for hit in spectra)
-    if shortest * frequency < 4.0:
-        raise RefusedError(
-            f"the record of {shortest:.3g} s holds {shortest * frequency:.1f} periods of the resonance at "
-            f"{frequency:.3g} Hz: too short; record at least {8.0 / frequency:.2g} s"
-        )
-
-
-def _check_resonance(modes: Sequence[Mode], band: tuple[float, float]) -> None:
-    """At least one mode must be a peak whose place is known to 5 % and whose width is known at all."""
-    for mode in modes:
-        place, width = mode.frequency, mode.damping_ratio
-        known = 0.5 * (place.high - place.low) <= VAGUE * place.value and width.high <= 100.0 * width.low
-        if known and width.value < math.sqrt(0.5):
-            return
-    nearest = modes[0].frequency
-    raise RefusedError(
-        f"no resonance stands out in the usable band of {band[0]:.3g} to {band[1]:.3g} Hz (what comes nearest is "
-        f"{nearest.value:.3g} Hz): it lies outside, or drowns in noise; a harder tip drives higher frequencies"
-    )
-
-
-def _check_coherence(frf: Frf, modes: Sequence[Mode], band: tuple[float, float]) -> None:
-    if frf.averages < 3:
-        return
-    near = np.zeros(frf.frequency.size, dtype=bool)
-    for mode in modes:
-        reach = max(0.05, 2.0 * mode.damping_ratio.value) * mode.frequency.value
-        near |= np.abs(frf.frequency - mode.frequency.value) <= reach
-    near &= (frf.frequency >= band[0]) & (frf.frequency <= band[1])
-    level = float(np.mean(frf.coherence[near])) if near.any() else 1.0
-    if level < 0.5:
-        raise RefusedError(
-            f"the coherence around the resonance is {level:.2f}: what was measured is mostly not due to the hits; "
-            "hit harder, or check that force and acceleration belong to the same hits"
-        )
 
 
 def averaged_frf(spectra: Sequence[HitSpectrum]) -> Frf:
