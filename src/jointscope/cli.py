@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -47,6 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not words or words[0] not in COMMANDS:
         _listing().parse_args(words)
     name, rest = words[0], words[1:]
+    # matrices here are small: threads of BLAS slow them down and make the last digits depend on the machine
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     module = importlib.import_module(f"jointscope.commands.{MODULES.get(name, name)}")
     parser = argparse.ArgumentParser(
         prog=f"jointscope {name}",
