@@ -1,8 +1,9 @@
 """How much of a mismatch an answer explains, against a floor that no model had a hand in.
 
-The floor of a channel is what repeats of one excitation differ by (the mismatch is common to them, noise is not), and
-for hits what is left in the tail, where nothing moves any more. Explained = (E_base - E_model) / (E_base - E_floor) in
-energies of the residual with each hit's own gain and timing taken off (B.2, stage 8).
+The floor of a channel is what repeats of one excitation, or periods within one run, differ by (the mismatch is common
+to them, noise is not), and for hits what is left in the tail, where nothing moves any more.
+Explained = (E_base - E_model) / (E_base - E_floor) in energies of the residual with each hit's own gain and timing taken
+off (B.2, stage 8).
 """
 
 from __future__ import annotations
@@ -98,6 +99,39 @@ def _repeat_floor(pairs: Sequence[tuple[Output, Vector]]) -> list[float]:
     return found
 
 
+def input_period(run: PreparedRun) -> float | None:
+    """Period of what drives the run [s] where it repeats itself at least twice, else ``None``."""
+    drive = run.motor or run.load
+    if drive is None or len(drive.samples) < 256:
+        return None
+    x = drive.samples - np.mean(drive.samples)
+    n = len(x)
+    spectrum = np.square(np.abs(np.fft.rfft(x, 2 * n)))
+    lagged = np.fft.irfft(spectrum)[:n]
+    energy = np.cumsum(np.square(x))
+    lags = np.arange(n)
+    early, late = energy[n - 1 - lags], energy[-1] - np.concatenate([[0.0], energy[:-1]])
+    correlation = lagged / np.sqrt(np.maximum(early * late, 1e-300))
+    first = int(np.argmax(correlation < 0.5)) if np.any(correlation < 0.5) else n
+    window = correlation[first : n // 2]
+    if window.size == 0 or window.max() < ALIKE:
+        return None
+    best = first + int(np.argmax(window > 0.995 * window.max()))
+    while best + 1 < n // 2 and correlation[best + 1] > correlation[best]:
+        best += 1
+    return best / drive.signal.rate
+
+
+def _period_floor(run: PreparedRun, output: Output, residual: Vector) -> list[float]:
+    """Half the mean square difference of successive periods' residuals, where the excitation repeats itself."""
+    period = input_period(run)
+    if period is None:
+        return []
+    lag = round(period * output.rate)
+    both = output.mask[lag:] & output.mask[:-lag]
+    return [0.5 * _mean_square((residual[lag:] - residual[:-lag])[both])] if both.sum() > 64 else []
+
+
 def _tail_floor(output: Output, residual: Vector) -> float:
     part = slice(int((1.0 - TAIL) * len(residual)), None)
     return _mean_square(residual[part][output.mask[part]])
@@ -121,6 +155,8 @@ def adequacy(
         if signal <= 0.0:
             continue
         floors = _repeat_floor([(o, b) for _, o, _, b in rows])
+        for run, output, _, left in rows:
+            floors.extend(_period_floor(run, output, left))
         if is_hit(rows[0][0]):
             floors.extend(_tail_floor(o, b) for _, o, _, b in rows)
         blocks.append(

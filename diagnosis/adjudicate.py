@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
+from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.per_run import labelling_cost
@@ -34,8 +35,11 @@ REAL_FURTHER = 20.0  # the same of any further effect, which has the rest of an 
 OF_PARENT = 0.005  # and of the parent's own gain over the base
 CARRIES_OVER = 0.35  # held-out gain per sample over fitted gain per sample
 MATERIAL = 0.002  # drop of RMS error over RMS signal, in the channel and experiment that show it most
-SHARE_FIRST = 0.02  # of the parent's error that the first effect must remove, where it removes most
-SHARE_FURTHER = 0.08  # the same of any further effect
+SHARES = (
+    0.02,
+    0.08,
+    0.15,
+)  # of the parent's error that a first, second, third effect must remove, where it removes most
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 POLISHED = 4  # leading hypotheses that are refitted under the final noise
 
@@ -82,7 +86,7 @@ class Comparison:
         share_of_runs: Held-out runs that gain.
         material: Largest drop of relative error over channels and experiments [-].
         share: Largest drop of error relative to the parent's [-].
-        first: Whether the parent is the base: a further effect must explain more of what is left, since what a law of
+        parents: Effects of the parent: a further effect must explain more of what is left, since what a law of
             the right name but the wrong form leaves is always explained by something.
         parent_gain: The parent's gain over the base [nats].
     """
@@ -93,13 +97,13 @@ class Comparison:
     share_of_runs: float
     material: float
     share: float
-    first: bool
+    parents: int
     parent_gain: float
 
     @property
     def real(self) -> bool:
         """Beyond chance on the fitted runs."""
-        return self.gain > (REAL if self.first else max(REAL_FURTHER, OF_PARENT * self.parent_gain))
+        return self.gain > (REAL if self.parents == 0 else max(REAL_FURTHER, OF_PARENT * self.parent_gain))
 
     @property
     def carries_over(self) -> bool:
@@ -111,7 +115,7 @@ class Comparison:
     @property
     def stands(self) -> bool:
         """Real, carried over and material."""
-        needed = SHARE_FIRST if self.first else SHARE_FURTHER
+        needed = SHARES[min(self.parents, len(SHARES) - 1)]
         return self.real and self.carries_over and self.material > MATERIAL and self.share > needed
 
 
@@ -193,10 +197,11 @@ def improvement(runs: Sequence[PreparedRun], before: Predictions, after: Predict
         for output, ya, yb in zip(run.outputs, a, b, strict=True):
             key = (run.run.experiment, output.quantity, output.location, output.direction)
             total = pooled.setdefault(key, [0.0, 0.0, 0.0])
-            data = output.data[output.mask]
-            for k, x in enumerate((data - ya[output.mask], data - yb[output.mask])):
+            cut = below_excitation(run, output)
+            for k, y in enumerate((ya, yb)):
+                x = asked_only(output.data - y, cut)[output.mask]
                 total[k] += float(x @ x)
-            total[2] += dynamic_level(output) ** 2 * len(data)
+            total[2] += dynamic_level(output) ** 2 * int(output.mask.sum())
     drops = [
         ((math.sqrt(p) - math.sqrt(c)) / math.sqrt(s), 1.0 - math.sqrt(c / p))
         for p, c, s in pooled.values()
@@ -224,7 +229,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
             math.nan,
             material,
             share,
-            not parent.names,
+            len(parent.names),
             parent_gain,
         )
     held = 0.5 * (parent.held_out - child.held_out) / overdispersion
@@ -236,7 +241,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         float(np.mean(held > 0.0)),
         material,
         share,
-        not parent.names,
+        len(parent.names),
         parent_gain,
     )
 

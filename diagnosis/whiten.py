@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.noise import (
     GAIN_BOUNDS,
     TIMING_BOUNDS,
@@ -44,9 +45,12 @@ class OutputFilter:
     weight: Vector  # 1 / d, zero at unscored samples, shape (n,)
     sigma: float
     keep: NDArray[np.intp]
+    sections: NDArray[np.float64] | None = None  # high-pass below the excitation, second-order sections
 
     def __call__(self, r: NDArray[np.float64]) -> NDArray[np.float64]:
         """Filter columns, shape (n, k) -> (n_kept, k)."""
+        if self.sections is not None:
+            r = asked_only(r, self.sections)
         scaled = r * self.weight[:, None]
         filtered = scaled if len(self.ar) == 1 else lfilter(self.ar, [1.0], scaled, axis=0)
         return filtered[self.keep] / self.sigma
@@ -93,17 +97,19 @@ class RunWhitener:
         return w
 
 
-def output_filter(output: Output, noise: BlockNoise, scale: float = 1.0) -> OutputFilter:
+def output_filter(
+    output: Output, noise: BlockNoise, scale: float = 1.0, sections: NDArray[np.float64] | None = None
+) -> OutputFilter:
     """The filter of one output; samples whose filter memory reaches outside the scored part are dropped.
 
-    ``scale``: noise of this run over that of its kind.
+    ``scale``: noise of this run over that of its kind; ``sections``: high-pass of what no excitation asked for.
     """
     mask = output.mask.copy()
     for lag in range(1, len(noise.ar)):
         mask[lag:] &= output.mask[:-lag]
         mask[:lag] = False
     weight = np.where(output.mask, 1.0 / inflation(output, noise), 0.0)
-    return OutputFilter(noise.ar, weight, noise.sigma * scale, np.flatnonzero(mask))
+    return OutputFilter(noise.ar, weight, noise.sigma * scale, np.flatnonzero(mask), sections)
 
 
 def run_scale(output: Output, noise: BlockNoise, residual: Vector) -> float:
@@ -119,7 +125,9 @@ def without_scatter(
     run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector], bare: RunWhitener
 ) -> list[Vector]:
     """Residuals of a run, and for a hit with its own gain and time taken off within three standard deviations."""
-    residuals = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
+    residuals = [
+        asked_only(o.data - y, below_excitation(run, o)) for o, y in zip(run.outputs, predicted, strict=True)
+    ]
     if not is_hit(run):
         return residuals
     gain, shift = own_scatter(run, predicted, bare)
@@ -156,7 +164,10 @@ def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArr
 
 
 def _bare(run: PreparedRun, blocks: Sequence[BlockNoise], scales: Sequence[float]) -> RunWhitener:
-    filters = tuple(output_filter(o, b, s) for o, b, s in zip(run.outputs, blocks, scales, strict=True))
+    filters = tuple(
+        output_filter(o, b, s, below_excitation(run, o))
+        for o, b, s in zip(run.outputs, blocks, scales, strict=True)
+    )
     return RunWhitener(filters, np.zeros((sum(len(f.keep) for f in filters), 0)), np.zeros(0))
 
 

@@ -19,7 +19,9 @@ def hit(data, rate=1000.0, quantity="linear-acceleration"):
         data=data, mask=np.ones(len(data), bool),
     )  # fmt: skip
     run = SimpleNamespace(experiment="hammer", brake=True)
-    return SimpleNamespace(run=run, load_force=force, motor_torque=None, speed_command=None, outputs=(output,))
+    return SimpleNamespace(
+        run=run, mode="braked", load_force=force, motor_torque=None, speed_command=None, outputs=(output,)
+    )
 
 
 def ringing(n=400, rate=1000.0, frequency=40.0):

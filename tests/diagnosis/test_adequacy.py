@@ -1,0 +1,59 @@
+"""The floor is what repeats differ by; explained is energy explained beyond it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from jointscope.diagnosis.adequacy import adequacy, input_period
+from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
+
+RATE = 500.0
+T = np.arange(5000) / RATE
+
+
+def repeat(data, drive):
+    output = SimpleNamespace(
+        quantity="linear-acceleration", location="arm", direction="tangential", radius=0.9, rate=RATE, data=data,
+        mask=np.ones(len(data), bool),
+    )  # fmt: skip
+    motor = SimpleNamespace(samples=drive, signal=SimpleNamespace(rate=RATE))
+    return SimpleNamespace(
+        run=SimpleNamespace(experiment="torque-sweep", brake=False), mode="observer", motor=motor, load=None,
+        command=None, load_force=None, motor_torque=drive, speed_command=None, outputs=(output,),
+    )  # fmt: skip
+
+
+def sweep():
+    return np.sin(2 * np.pi * (4.0 * T + 3.0 * T**2))
+
+
+def judged(mismatch_left, seed=1):
+    """Two repeats: truth = model + mismatch, noise 0.05; the candidate leaves a share of the mismatch."""
+    rng = np.random.default_rng(seed)
+    truth, mismatch = sweep(), 0.2 * np.sin(2 * np.pi * 9.0 * T)
+    runs = [repeat(truth + mismatch + 0.05 * rng.standard_normal(len(T)), sweep()) for _ in range(2)]
+    noise = NoiseModel({block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 0.05, 0.05, 0.0) for r in runs}, 0.01, 3e-5)
+    base = [(truth,)] * 2
+    model = [(truth + (1 - mismatch_left) * mismatch,)] * 2
+    return adequacy(runs, noise, base, model)
+
+
+def test_the_floor_is_the_noise_of_repeats_whatever_the_mismatch():
+    """Half the difference of two repeats has the noise's mean square."""
+    block = judged(1.0).blocks[0]
+    assert np.isclose(block.floor, 0.05**2 / np.mean(np.square(sweep() - np.median(sweep()))), rtol=0.25)
+
+
+def test_explained_runs_from_nothing_to_all():
+    """A candidate that leaves half the amplitude explains three quarters of the energy."""
+    assert abs(judged(1.0).explained) < 0.02
+    assert np.isclose(judged(0.5).explained, 0.75, atol=0.03)
+    assert np.isclose(judged(0.0).explained, 1.0, atol=0.03)
+
+
+def test_a_periodic_excitation_is_known_and_a_sweep_is_not():
+    """A multisine of 1 Hz spacing repeats every second."""
+    rng = np.random.default_rng(3)
+    multisine = sum(np.sin(2 * np.pi * f * T + rng.uniform(0, 6)) for f in range(11, 61))
+    assert np.isclose(input_period(repeat(multisine, multisine)), 1.0, atol=1.5 / RATE)
+    assert input_period(repeat(sweep(), sweep())) is None
