@@ -276,7 +276,7 @@ def figures(rows: Real) -> Figures:
     inside = (ends[..., 0] <= truth[:, :, None]) & (truth[:, :, None] <= ends[..., 1])
     return Figures(
         bias=mean * some,
-        error=spread / np.sqrt(count[:, None]) * some,
+        error=spread / np.sqrt(np.maximum(count, 1)[:, None]) * some,
         scatter=spread * some,
         bound=np.sqrt(np.mean((100.0 * bound / truth) ** 2, axis=0)),
         coverage=100.0 * inside.mean(axis=0).T,
