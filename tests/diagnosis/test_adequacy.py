@@ -32,7 +32,9 @@ def judged(mismatch_left, seed=1):
     rng = np.random.default_rng(seed)
     truth, mismatch = sweep(), 0.2 * np.sin(2 * np.pi * 9.0 * T)
     runs = [repeat(truth + mismatch + 0.05 * rng.standard_normal(len(T)), sweep()) for _ in range(2)]
-    noise = NoiseModel({block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 0.05, 0.05, 0.0) for r in runs}, 0.01, 3e-5)
+    noise = NoiseModel(
+        {block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 0.05, 0.05, 0.0) for r in runs}, 0.01, 3e-5
+    )
     base = [(truth,)] * 2
     model = [(truth + (1 - mismatch_left) * mismatch,)] * 2
     return adequacy(runs, noise, base, model)
