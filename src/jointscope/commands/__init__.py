@@ -19,6 +19,7 @@ COMMANDS: dict[str, str] = {
     "model": "check your own simulation against a campaign: model map robot.xml CAMPAIGN",
     "reproduce": "the paper's figures and tables beside its numbers",
     "gate": "accuracy gates: claims with bounds, measured anew, for CI",
+    "compare": "what changed between two results, against their intervals",
     "sensitivity": "how much each parameter matters to what users care about",
     "selfcheck": "the simulator's own error against the closed form",
 }
