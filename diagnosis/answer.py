@@ -11,7 +11,6 @@ from jointscope.diagnosis.adjudicate import Comparison, Judged, compare
 from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
 from jointscope.diagnosis.intervals import Estimate, estimates
-from jointscope.diagnosis.next_experiment import next_experiment
 from jointscope.diagnosis.refit import with_fresh_jacobian
 
 if TYPE_CHECKING:
@@ -208,7 +207,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "verdict_probability": round(decision.probability, 4),
         "unknown_reason": decision.unknown_reason,
         "parameter_shift": parameter_shift(problem, chosen, found),
-        "next_experiment": next_experiment(decision.verdict, [(r.names, r.probability) for r in decision.ranking]),
+        **next_json(diagnosis),
         "noise": {
             "hit_gain": judgement.noise.gain,
             "hit_timing_s": judgement.noise.timing,
@@ -222,6 +221,28 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
     if held_out is None:
         answer["held_out_reason"] = diagnosis.split.reason
     return answer
+
+
+def next_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """``next_experiment`` and what every simulated item of the menu is expected to bring."""
+    found = diagnosis.suggestion
+    if found is None:
+        return {"next_experiment": None, "next_experiment_detail": None}
+    return {
+        "next_experiment": found.text,
+        "next_experiment_detail": {
+            "item": found.key,
+            "pair": None if found.pair is None else [list(names) for names in found.pair],
+            "menu": [
+                {
+                    "item": item.key,
+                    "expected_gain": round(item.expected_gain, 3),
+                    "distance": round(item.distance, 2),
+                }
+                for item in found.menu
+            ],
+        },
+    }
 
 
 def where_json(diagnosis: Diagnosis) -> dict[str, Any] | None:

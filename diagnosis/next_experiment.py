@@ -1,26 +1,41 @@
 """The one recording that would best tell the leading candidates apart.
 
-A menu of recordings, and for pairs of effects the ones that separate them, the sharpest first: what one of the pair
-does and the other does not when a single thing is varied (level, preload, mass, posture, speed, device, clock).
+Every item of the menu that the joint's model can foretell is simulated under each of the leading candidates, and the one
+that is expected to raise the probability of the right candidate most is recommended (``discrimination``). What can't be
+simulated, and ties, go by a table: for pairs of effects the recordings that separate them, the sharpest first: what one
+of the pair does and the other does not when a single thing is varied (level, preload, mass, posture, speed, device,
+clock).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.adjudicate import Judgement
+    from jointscope.diagnosis.discrimination import Item
+    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.verdict import Decision
 
 Names = tuple[str, ...]  # of one candidate set, each effect@location
 
 CERTAIN = 0.95  # probability of a named set beyond which nothing more needs to be recorded
 LISTED = 0.02  # probability below which a candidate is not worth a recording
+QUIET = 0.9  # probability of "none" beyond which nothing more needs to be recorded
+WORTHWHILE = 0.05  # expected gain in probability below which no simulated item is recommended over the table's
+TIE = 0.03  # of expected gain, within which the table decides
 
 MENU: dict[str, str] = {
     "levels": "hammer hits at the same point over a span of at least 10:1 in peak force, in random order, ten per level",
     "preload": "small hits with a known static torque on the arm, at three preloads of either sign",
     "mass": "the same hits and sweeps with a known mass fixed to the arm at a measured radius",
     "posture": "the same runs at three arm angles, a hold of 10 s at standstill in each",
-    "brake": "the same hits with the motor brake closed, open, and with the neighbouring joints' brakes open in turn",
-    "sensor-moved": "the same hits with the accelerometer moved to another radius and turned by 180 degrees, and a second "
-    "one on the base",
+    "brake": "the same hits with the motor brake open and the drive holding loosely, motor angle and torque logged",
+    "sensor-moved": "the same hits with the accelerometer moved to half its radius, and turned by 180 degrees once",
+    "sweep-levels": "torque sweeps from 2 to 80 Hz at a third of and at twice the present amplitude, with motor angle logged",
     "slow-ramp": "slow constant-speed moves in both directions at five speeds, from breakaway to full speed, with motor "
     "angle and torque logged",
     "torque-reversal": "a slow torque ramp up and down through zero against a held arm, with motor and arm angle logged",
@@ -117,3 +132,68 @@ def _told(one: str, other: str) -> str:
     if one and other:
         return " from ".join(sorted((one, other)))
     return f"{one or other} from nothing beside what the other candidates hold"
+
+
+# --- the computed answer ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """What to record next.
+
+    Attributes:
+        text: For the reader, one sentence.
+        key: Of ``MENU``; ``None`` where the table spoke alone.
+        menu: What was simulated, best first.
+        pair: The candidates that it tells apart.
+    """
+
+    text: str
+    key: str | None
+    menu: tuple[Item, ...]
+    pair: tuple[Names, Names] | None
+
+
+def needed(verdict: str, probability: float, ranking: Sequence[tuple[Names, float]]) -> bool:
+    """Whether another recording is worth a computation: not where the answer is as good as certain."""
+    if verdict == "none":
+        return probability < QUIET
+    return not (verdict == "effects" and max((p for _, p in ranking), default=0.0) >= CERTAIN)
+
+
+def suggest(
+    problem: Problem, judgement: Judgement, decision: Decision, pool: ThreadPoolExecutor
+) -> Suggestion | None:
+    """The recording to make next by expected gain, or ``None`` where none is needed."""
+    from jointscope.diagnosis.discrimination import menu_of
+
+    ranking = [(r.names, r.probability) for r in decision.ranking]
+    if not needed(decision.verdict, decision.probability, ranking):
+        return None
+    items = menu_of(problem, judgement, decision, pool)
+    chosen = choose(items)
+    if chosen is None:
+        text = next_experiment(decision.verdict, ranking)
+        return None if text is None and not items else Suggestion(text or MENU["multisine"], None, items, None)
+    text = (
+        f"{MENU[chosen.key]}: it tells {_sets(chosen.pair)}, and is expected to raise the probability of the right one by "
+        f"{chosen.expected_gain:.2f}"
+    )
+    return Suggestion(text, chosen.key, items, chosen.pair)
+
+
+def choose(items: Sequence[Item]) -> Item | None:
+    """The best item; of near-equals the one that the table puts first for its pair, then the one with most distance."""
+    if not items or items[0].expected_gain < WORTHWHILE:
+        return None
+    near = [item for item in items if item.expected_gain > items[0].expected_gain - TIE]
+
+    def standing(item: Item) -> tuple[int, float]:
+        table = [m for one, other in _differences(*item.pair) if one and other for m in separators(one, other)]
+        return (table.index(item.key) if item.key in table else len(MENU), -item.distance)
+
+    return min(near, key=standing)
+
+
+def _sets(pair: tuple[Names, Names]) -> str:
+    return " from ".join(" + ".join(names) or "the model without further physics" for names in pair)

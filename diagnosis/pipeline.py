@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.locate import Places, judged_table, places
+from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
@@ -39,6 +40,7 @@ class Diagnosis:
         decision: Verdict, ranking and probabilities.
         places: Forces without a name, place by place, on top of the base.
         black_box: The best of them fitted: what flexibility alone buys.
+        suggestion: The recording to make next, where one is needed.
     """
 
     problem: Problem
@@ -49,6 +51,7 @@ class Diagnosis:
     decision: Decision
     places: Places
     black_box: Judged | None
+    suggestion: Suggestion | None = None
 
 
 def diagnose(
@@ -81,4 +84,6 @@ def diagnose(
     black_box = judged_table(judgement, where.tables[0]) if where.tables else None
     if decision.unknown_reason == "outside-catalogue" and black_box is not None:
         decision = with_unknown_force(judgement, decision, black_box)
-    return Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box)
+    report("weighing what to record next")
+    suggestion = suggest(problem, judgement, decision, pool)
+    return Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box, suggestion)
