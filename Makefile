@@ -6,7 +6,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 OUT    ?= out
 
-.PHONY: demo test check slow clean
+.PHONY: demo test check gates slow clean
 
 demo: $(VENV)/.ready
 	$(BIN)/jointscope demo --out $(OUT)/demo
@@ -20,6 +20,9 @@ check: $(VENV)/.ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tests/packaging/check_distributions.py
+
+gates: $(VENV)/.ready
+	$(BIN)/jointscope gate gates.toml --out $(OUT)/gates
 
 slow: $(VENV)/.ready
 	$(BIN)/python -m pytest -q -m slow

@@ -157,7 +157,18 @@ def simulate(plant: Plant, inputs: RunInputs, arm_angle: float) -> Motion:
 def predict_campaign(
     model: BaseModel, campaign: Campaign, *, declared: bool = False, log: TorqueLog | None = None
 ) -> Iterator[RunPrediction]:
-    """Predict every run of ``campaign`` in turn; see ``predict_run``."""
+    """Predict every run of ``campaign`` in turn; see ``predict_run``.
+
+    The motor's electrical figures, which a model from hits alone does not hold, are then the campaign's.
+    """
+    plate = campaign.rig
+    constant, pairs = model.rig.torque_constant, model.rig.pole_pairs
+    rig = replace(
+        model.rig,
+        torque_constant=plate.torque_constant if constant is None else constant,
+        pole_pairs=plate.pole_pairs if pairs is None else pairs,
+    )
+    model = replace(model, rig=rig)
     for run in campaign.runs:
         yield predict_run(model, run, declared=declared, log=log)
 

@@ -94,6 +94,7 @@ _WITH_UNIT = {
     "low": "low_hz",
     "high": "high_hz",
     "median_error": "median_error_db",
+    "error_95": "error_95_db",
     "bias": "bias_db",
     "peak_frequency": "peak_frequency_hz",
     "peak_frequency_error": "peak_frequency_error_hz",

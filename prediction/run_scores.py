@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +44,8 @@ class ChannelScore:
     clock_offset: float = 0.0
 
 
-def score_run(prediction: RunPrediction) -> tuple[ChannelScore, ...]:
-    """Score every channel of ``prediction`` that was recorded.
+def score_run(prediction: RunPrediction, further: Sequence[tuple[float, float]] = ()) -> tuple[ChannelScore, ...]:
+    """Score every channel of ``prediction`` that was recorded, in the paper's bands and those ``further`` ones [Hz].
 
     Where a device's start is uncertain its offset is a nuisance: one value per device, found within three standard
     deviations (0.25 s where unknown). With ``initial = "estimate"`` the first fifth of the run does not count.
@@ -60,7 +61,7 @@ def score_run(prediction: RunPrediction) -> tuple[ChannelScore, ...]:
         offset = offsets[channel.signal.device]
         predicted = shifted(channel, offset)
         first = channel.values.size // 5 if prediction.run.initial == "estimate" else 0
-        scores.append(_score(channel, predicted, prediction, first, offset))
+        scores.append(_score(channel, predicted, prediction, first, offset, tuple(further)))
     return tuple(scores)
 
 
@@ -107,7 +108,12 @@ def clock_offset(channels: list[ChannelPrediction], run: Run) -> float:
 
 
 def _score(
-    channel: ChannelPrediction, predicted: Real, prediction: RunPrediction, first: int, offset: float
+    channel: ChannelPrediction,
+    predicted: Real,
+    prediction: RunPrediction,
+    first: int,
+    offset: float,
+    further: tuple[tuple[float, float], ...],
 ) -> ChannelScore:
     declared = channel.signal.channel
     recorded = channel.signal.samples
@@ -116,7 +122,7 @@ def _score(
     if declared.quantity in SPECTRAL and clean and recorded.size - first >= 64:
         rate = channel.signal.sampling_rate
         R, P = spectrum(recorded[first:], rate), spectrum(predicted[first:], rate)
-        for low, high in PAPER_BANDS[prediction.run.experiment]:
+        for low, high in dict.fromkeys((*PAPER_BANDS[prediction.run.experiment], *further)):
             bottom, top = max(low, prediction.legitimate[0]), min(high, 0.5 * rate)
             if np.any(R.band(bottom, top)):
                 bands.append(band_score(R, P, bottom, top))

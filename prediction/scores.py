@@ -39,6 +39,7 @@ class BandScore:
         bins: How many bins were compared.
         share: Of the band's bins, the share compared (the rest were masked) [-].
         median_error: Median over bins of \\|20 log10(\\|P\\|/\\|R\\|)\\| [dB].
+        error_95: Its 95 % quantile [dB]: what 19 of 20 bins keep.
         bias: Median of 20 log10(\\|P\\|/\\|R\\|) [dB]: below 0 the prediction is low.
         frac: Frequency response assurance criterion [-], 0 to 1.
         nrmse: RMS of the complex difference over RMS of the recorded spectrum [-].
@@ -52,6 +53,7 @@ class BandScore:
     bins: int
     share: float
     median_error: float
+    error_95: float
     bias: float
     frac: float
     nrmse: float
@@ -94,6 +96,7 @@ def band_score(
         bins=int(chosen.sum()),
         share=float(chosen.sum() / in_band.sum()),
         median_error=float(np.median(np.abs(decibel))),
+        error_95=float(np.quantile(np.abs(decibel), 0.95)),
         bias=float(np.median(decibel)),
         frac=frac(R, P),
         nrmse=float(np.linalg.norm(R - P) / max(float(np.linalg.norm(R)), tiny)),

@@ -62,7 +62,7 @@ class Chain:
         accelerometer: On the arm.
         force_cell: Of the hammer [N].
         plc: Logs the drive's torque, motor angle and speed command.
-        torque_log: How the torque gets into the PLC's log.
+        torque_log: How the torque gets into the PLC's log; ``None`` where the drive doesn't say it.
         torque_converter: [N m] on the motor shaft.
         encoder: On the motor shaft.
         currents: ``None`` where nobody measures them.
@@ -73,7 +73,7 @@ class Chain:
     accelerometer: Accelerometer = field(default_factory=Accelerometer)
     force_cell: Converter = field(default_factory=lambda: Converter(full_scale=2000.0, noise_rms=0.2))
     plc: Device = field(default_factory=lambda: Device(sampling_rate=500.0))
-    torque_log: TorqueLog = field(default_factory=TorqueLog)
+    torque_log: TorqueLog | None = field(default_factory=TorqueLog)
     torque_converter: Converter = field(
         default_factory=lambda: Converter(full_scale=10.0, bits=16, noise_rms=0.002)
     )

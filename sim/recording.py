@@ -96,18 +96,22 @@ def plc_stream(
     """
     device, h = chain.plc, trace.timestep
     stamps = device.stamps(duration)
-    torque = chain.torque_log.sample(device, trace.inputs["motor"], h, stamps)
     angle = device.sample(rig.joint.reduction_ratio * trace.signals["motor angle"], h, stamps)
-    channels = [
-        Channel(
-            column="torque", quantity="torque", unit="N m", location="motor", role="input",
-            samples=_frozen(chain.torque_converter.convert(torque, rng)),
-        ),
+    channels = []
+    if chain.torque_log is not None:
+        torque = chain.torque_log.sample(device, trace.inputs["motor"], h, stamps)
+        channels.append(
+            Channel(
+                column="torque", quantity="torque", unit="N m", location="motor", role="input",
+                samples=_frozen(chain.torque_converter.convert(torque, rng)),
+            )
+        )  # fmt: skip
+    channels.append(
         Channel(
             column="motor_angle", quantity="angle", unit="rad", location="motor", role="output",
             samples=_frozen(chain.encoder.read(angle)),
-        ),
-    ]  # fmt: skip
+        )
+    )  # fmt: skip
     if speed_command is not None:
         command = rig.joint.reduction_ratio * np.array([speed_command(t) for t in trace.times])
         channels.append(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from jointscope.errors import JointscopeError
-from jointscope.experiments.gates.claims import NEEDS, Gate
+from jointscope.experiments.gates.claims import PATHS, Gate, GatesFile, made_names
 
 Status = Literal["PASS", "FAIL", "NOT-TESTED"]
 Runner = Callable[[Gate], dict[str, Any]]
@@ -20,9 +21,12 @@ class Outcome:
     """A judged claim.
 
     Attributes:
-        figure: What was measured; ``None`` when nothing was.
+        figure: What was measured; ``None`` when nothing was. Of several figures the one nearest to, or furthest
+            beyond, its bound.
         margin: Distance to the bound as a share of it, negative when missed; ``None`` where it has no meaning.
         detail: Why, in a line.
+        excused: Whether it is NOT-TESTED because an optional gate's material is absent; only that is no failure.
+        seconds: What the measurement took [s]; nearly nothing where another gate had it measured before.
     """
 
     gate: Gate
@@ -30,41 +34,79 @@ class Outcome:
     figure: object = None
     margin: float | None = None
     detail: str = ""
+    excused: bool = False
+    seconds: float = 0.0
+
+    @property
+    def red(self) -> bool:
+        """Whether it counts against the whole: failed, or not tested without an excuse."""
+        return self.status == "FAIL" or (self.status == "NOT-TESTED" and not self.excused)
 
 
-def pick(document: object, path: str) -> object:
-    """The entry of a JSON document under a dotted path; list positions are numbers, counted from 0.
+def select(document: object, parts: tuple[str, ...]) -> tuple[list[object], bool]:
+    """The entries of a JSON document under a path, and whether the path may select several.
+
+    A part is a key, a list position counted from 0, ``*`` for every entry, ``[key=value]`` for every entry that is a
+    table with that value, or ``#`` for the number of entries.
 
     Raises:
         KeyError: The path leads nowhere; the message says where it ends and what is there.
     """
-    at = document
-    walked: list[str] = []
-    for part in path.split("."):
-        if isinstance(at, dict) and part in at:
-            at = at[part]
-        elif isinstance(at, list) and part.lstrip("-").isdigit() and -len(at) <= int(part) < len(at):
-            at = at[int(part)]
+    found, several = [document], False
+    for position, part in enumerate(parts):
+        where = ".".join(parts[:position]) or "the top"
+        if part == "*" or part.startswith("["):
+            several = True
+            entries = [entry for at in found for entry in _children(at, where, part)]
+            found = entries if part == "*" else [entry for entry in entries if _holds(entry, part)]
+            if not found:
+                raise KeyError(f"{where} holds nothing that {part!r} selects")
         else:
-            there = ", ".join(map(str, at)) if isinstance(at, dict) else f"{type(at).__name__}"
-            raise KeyError(f"{'.'.join(walked) or 'the top'} holds no {part!r}, only: {there}")
-        walked.append(part)
-    return at
+            found = [_child(at, where, part) for at in found]
+    return found, several
+
+
+def _children(at: object, where: str, part: str) -> list[object]:
+    if isinstance(at, dict):
+        return list(at.values())
+    if isinstance(at, list):
+        return list(at)
+    raise KeyError(f"{where} is a {type(at).__name__}, {part!r} selects from a table or a list")
+
+
+def _holds(entry: object, part: str) -> bool:
+    key, _, wanted = part.strip("[]").partition("=")
+    if not isinstance(entry, dict) or key not in entry:
+        return False
+    value = entry[key]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        try:
+            return math.isclose(float(wanted), value)
+        except ValueError:
+            return False
+    return str(value) == wanted
+
+
+def _child(at: object, where: str, part: str) -> object:
+    if part == "#" and isinstance(at, (dict, list)):
+        return len(at)
+    if isinstance(at, dict) and part in at:
+        return at[part]
+    if isinstance(at, list) and part.lstrip("-").isdigit() and -len(at) <= int(part) < len(at):
+        return at[int(part)]
+    there = ", ".join(map(str, at)) if isinstance(at, dict) else f"a {type(at).__name__}"
+    if isinstance(at, list):
+        there += f" of {len(at)}"
+    raise KeyError(f"{where} holds no {part!r}, only: {there or 'nothing'}")
 
 
 def judge(gate: Gate, figure: object) -> Outcome:
     """Compare one figure with its bound."""
     if gate.equals is not None:
-        passed = figure == gate.equals
+        passed = figure == gate.equals and isinstance(figure, bool) == isinstance(gate.equals, bool)
         return Outcome(gate=gate, status="PASS" if passed else "FAIL", figure=figure)
     if gate.covers is not None:
-        if not (isinstance(figure, list) and len(figure) == 2):
-            return Outcome(gate=gate, status="FAIL", figure=figure, detail="not an interval [low, high]")
-        low, high = figure
-        passed = low <= gate.covers <= high
-        half = 0.5 * (high - low)
-        margin = 1.0 - abs(gate.covers - 0.5 * (low + high)) / half if half > 0 else None
-        return Outcome(gate=gate, status="PASS" if passed else "FAIL", figure=figure, margin=margin)
+        return _covers(gate, gate.covers, figure)
     if isinstance(figure, bool) or not isinstance(figure, (int, float)) or not math.isfinite(figure):
         return Outcome(gate=gate, status="FAIL", figure=figure, detail="not a finite number")
     if gate.within is not None:
@@ -84,31 +126,72 @@ def judge(gate: Gate, figure: object) -> Outcome:
     return Outcome(gate=gate, status="PASS" if room >= 0 else "FAIL", figure=figure, margin=margin)
 
 
-def run_gate(gate: Gate, folder: Path, runner: Runner) -> Outcome:
+def _covers(gate: Gate, target: float, figure: object) -> Outcome:
+    ends = figure if isinstance(figure, list) and len(figure) == 2 else ()
+    if not ends or not all(type(end) in (int, float) and math.isfinite(end) for end in ends):
+        return Outcome(gate=gate, status="FAIL", figure=figure, detail="not an interval [low, high]")
+    low, high = ends
+    half = 0.5 * (high - low)
+    margin = 1.0 - abs(target - 0.5 * (low + high)) / half if half > 0 else None
+    return Outcome(gate=gate, status="PASS" if low <= target <= high else "FAIL", figure=figure, margin=margin)
+
+
+def judge_all(gate: Gate, figures: list[object]) -> Outcome:
+    """Every figure must keep the bound; the outcome is that of the worst."""
+    outcomes = [judge(gate, figure) for figure in figures]
+    worst = min(outcomes, key=lambda o: (o.status == "PASS", math.inf if o.margin is None else o.margin))
+    missed = sum(o.status == "FAIL" for o in outcomes)
+    said = f"the worst of {len(outcomes)}" + (f", {missed} beyond the bound" if missed else "")
+    return replace(worst, detail=f"{worst.detail}; {said}" if worst.detail else said)
+
+
+def run_gate(
+    gate: Gate, file: GatesFile, made: Path, runner: Runner, unmade: Mapping[str, str | None] | None = None
+) -> Outcome:
     """Measure one claim through ``runner`` and judge it.
 
     Args:
-        gate: The claim; its paths are relative to ``folder``.
-        folder: Where the gates file lies.
+        gate: The claim.
+        file: Its gates file, which knows the paths' places.
+        made: Where the made things are.
         runner: Turns a gate into the JSON document that its measure writes.
+        unmade: Why something could not be made, by its name; ``None`` where its own needs are absent.
     """
-    for key in NEEDS[gate.measure]:
-        path = folder / getattr(gate, key)
-        if not path.exists():
-            status: Status = "NOT-TESTED" if gate.optional else "FAIL"
-            return Outcome(gate=gate, status=status, detail=f"{key} {path} does not exist")
+    began = time.monotonic()
+    outcome = _run_gate(gate, file, made, runner, unmade or {})
+    return replace(outcome, seconds=time.monotonic() - began)
+
+
+def _run_gate(
+    gate: Gate, file: GatesFile, made: Path, runner: Runner, unmade: Mapping[str, str | None]
+) -> Outcome:
+    for name in made_names(gate):
+        if unmade.get(name) is not None:
+            return Outcome(gate=gate, status="FAIL", detail=f"{name} could not be made: {unmade[name]}")
+        if name in unmade:
+            return _absent(gate, f"{name} was not made, what it needs is absent")
+    for key in PATHS:
+        if (text := getattr(gate, key)) is not None and not file.path(text, made).exists():
+            return _absent(gate, f"{key} {text} does not exist")
     try:
-        figure = pick(runner(gate), gate.figure)
+        figures, several = select(runner(gate), gate.parts)
     except KeyError as problem:
         return Outcome(gate=gate, status="FAIL", detail=str(problem.args[0]))
     except JointscopeError as problem:
         return Outcome(gate=gate, status="FAIL", detail=str(problem))
-    if figure is None:
-        return Outcome(gate=gate, status="NOT-TESTED", detail=f"{gate.figure} is null: it could not be measured")
-    return judge(gate, figure)
+    except Exception as problem:  # a measure that crashed is red, and the other claims are still measured
+        return Outcome(gate=gate, status="FAIL", detail=f"crashed: {type(problem).__name__}: {problem}")
+    if any(figure is None for figure in figures):
+        return Outcome(
+            gate=gate, status="NOT-TESTED", detail=f"{'.'.join(gate.parts)} is null: it could not be measured"
+        )
+    return judge_all(gate, figures) if several else judge(gate, figures[0])
+
+
+def _absent(gate: Gate, why: str) -> Outcome:
+    return Outcome(gate=gate, status="NOT-TESTED" if gate.optional else "FAIL", detail=why, excused=gate.optional)
 
 
 def verdict(outcomes: tuple[Outcome, ...]) -> bool:
-    """Whether everything holds: no FAIL, no NOT-TESTED but optional ones, and at least one PASS."""
-    bad = any(o.status == "FAIL" or (o.status == "NOT-TESTED" and not o.gate.optional) for o in outcomes)
-    return not bad and any(o.status == "PASS" for o in outcomes)
+    """Whether everything holds: nothing red, and at least one PASS."""
+    return not any(o.red for o in outcomes) and any(o.status == "PASS" for o in outcomes)

@@ -51,6 +51,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--declared", action="store_true", help="also predict output channels that are declared but not recorded"
     )
     parser.add_argument("--map", type=Path, default=None, help="map.toml of your own MJCF (guessed without it)")
+    parser.add_argument(
+        "--band", type=float, nargs=2, action="append", default=[], metavar="HZ",
+        help="also score accelerations from LOW to HIGH; may be repeated",
+    )  # fmt: skip
     parser.add_argument("--no-pictures", action="store_true", help="write CSV and scores only")
     parser.add_argument("--json", action="store_true", help="print scores.json instead of the table")
 
@@ -58,10 +62,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Predict every run; the exit code is 0."""
     from jointscope.atomic import write_text
+    from jointscope.errors import InputError
     from jointscope.prediction.files import scores_json, write_run
     from jointscope.prediction.run_scores import score_run
     from jointscope.recordings.reader import read_campaign
 
+    bands = tuple((low, high) for low, high in options.band)
+    for low, high in bands:
+        if not 0.0 <= low < high:
+            raise InputError(options.campaign, "--band", "must be two rising frequencies in Hz", value=(low, high))
     campaign = read_campaign(options.campaign, missing_outputs="allow")
     if options.model.suffix.lower() in (".xml", ".mjcf"):
         from jointscope.prediction.arm_campaign import predict_mapped
@@ -75,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     scores = {}
     for prediction in predictions:
         write_run(options.out, prediction.run.id, prediction.channels)
-        scores[prediction.run.id] = score_run(prediction)
+        scores[prediction.run.id] = score_run(prediction, bands)
     content = scores_json(predictions, scores)
     import json
 

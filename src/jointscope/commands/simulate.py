@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import mujoco
+
     from jointscope.models.parameters import Rig
     from jointscope.sim.arm.plan import ArmPlan, HammerSpot
     from jointscope.sim.chain import Chain
@@ -90,13 +92,17 @@ def _configure_single_joint(parser: argparse.ArgumentParser) -> None:
         "--plc-ppm", type=float, default=0.0, metavar="PPM", help="by which the PLC's clock runs fast"
     )
     parser.add_argument(
-        "--torque-log", choices=("band-limited", "hold", "average", "alias"), default="band-limited",
-        help="how the torque gets into the PLC's log",
+        "--torque-log", choices=("band-limited", "hold", "average", "alias", "none"), default="band-limited",
+        help="how the torque gets into the PLC's log; none: the drive doesn't say it",
     )  # fmt: skip
     parser.add_argument("--torque-log-rate", type=float, metavar="HZ", help="rate at which it is refreshed [Hz]")
     parser.add_argument("--stiffness", type=float, metavar="K", help="of the simulated reducer [N m/rad]")
     parser.add_argument("--damping", type=float, metavar="C", help="of the simulated reducer [N m s/rad]")
     parser.add_argument("--inertia", type=float, metavar="J", help="of the simulated arm about the joint [kg m^2]")
+    parser.add_argument(
+        "--hardening", type=float, default=0.0, metavar="K3",
+        help="cubic stiffness of the simulated reducer beside K [N m/rad^3] (default 0)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print what was written for machines")
 
 
@@ -112,6 +118,7 @@ def run(options: argparse.Namespace) -> int:
     from jointscope.progress import track
     from jointscope.recordings.campaign import Campaign
     from jointscope.recordings.writer import write_campaign
+    from jointscope.sim.physics import BASE, Physics
     from jointscope.sim.single_joint import nameplate, planned_takes, simulate_runs
 
     if options.seed < 0:
@@ -119,7 +126,8 @@ def run(options: argparse.Namespace) -> int:
     if options.out.exists() and (not options.out.is_dir() or any(options.out.iterdir())):
         raise JointscopeError(f"--out {options.out}: exists already; choose another or remove it")
     rig, plan = _rig(options), _plan(options)
-    steps = simulate_runs(rig, plan, np.random.default_rng(options.seed))
+    hardening = Physics(edit=lambda spec: _harden(spec, options.hardening)) if options.hardening else BASE
+    steps = simulate_runs(rig, plan, np.random.default_rng(options.seed), lambda take: hardening)
     runs = tuple(track(steps, "simulate", total=len(planned_takes(plan))))
     campaign = Campaign(path=options.out, rig=nameplate(rig, plan), runs=runs, title=plan.title, notes=plan.notes)
     path = write_campaign(campaign, options.out)
@@ -136,6 +144,11 @@ def run(options: argparse.Namespace) -> int:
         )
         print(f"next: jointscope inspect {path}")
     return 0
+
+
+def _harden(spec: mujoco.MjSpec, cubic: float) -> None:
+    """Give the reducer a torque ``cubic`` y^3 beside K y over its wind-up y [rad]."""
+    spec.joint("reducer").stiffness[2] = cubic
 
 
 def _chosen_spot(options: argparse.Namespace, plan: ArmPlan) -> HammerSpot:
@@ -258,6 +271,8 @@ def _chain(options: argparse.Namespace) -> Chain:
     return replace(
         chain,
         plc=replace(chain.plc, clock=Clock(delay=options.plc_delay, ppm=options.plc_ppm)),
-        torque_log=TorqueLog(kind=options.torque_log, rate=options.torque_log_rate),
+        torque_log=None
+        if options.torque_log == "none"
+        else TorqueLog(kind=options.torque_log, rate=options.torque_log_rate),
         currents=probes if options.currents else None,
     )
