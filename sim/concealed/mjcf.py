@@ -61,6 +61,7 @@ def compile_plant(
     setting: Setting,
     moment: Moment,
     angle: float,
+    timestep: float = TIMESTEP,
 ) -> Plant:
     """The model of one run, effects put in, ready for the loop.
 
@@ -70,6 +71,7 @@ def compile_plant(
         setting: The case's scales.
         moment: Which run this is.
         angle: The arm's angle at the start [rad].
+        timestep: [s].
     """
     keep_motor = any(effect.law.keeps_motor for effect in effects)
     root, held = base_tree(rig, braked=moment.braked, angle=angle, keep_motor=keep_motor)
@@ -77,7 +79,7 @@ def compile_plant(
     for effect in effects:
         if effect.law.install is not None:
             effect.law.install(root, effect.values, setting, moment)
-    option.set("timestep", repr(TIMESTEP))
+    option.set("timestep", repr(timestep))
     option.set("integrator", "Euler")
     constrained = any(float(e.get("frictionloss", "0")) > 0.0 for e in root.iter()) or "yes" in {
         e.get("limited") for e in root.iter("joint")
@@ -91,7 +93,7 @@ def compile_plant(
         flag.set("constraint", "disable")
     for name in ("motor angle", "motor speed", "arm angle", "arm speed"):
         _drop_sensor(root, name)
-    _centre_damping(root)
+    _centre_damping(root, timestep)
     model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
     return Plant(
         model=model,
@@ -109,13 +111,13 @@ def _drop_sensor(root: ET.Element, name: str) -> None:
             sensors.remove(sensor)
 
 
-def _centre_damping(root: ET.Element) -> None:
+def _centre_damping(root: ET.Element, timestep: float) -> None:
     """Add h/2 times the linear damping to the inertia of the same coordinate: the damping then acts at the step itself."""
     for element in (*root.iter("joint"), *root.iter("fixed")):
         damping = number(element.get("damping"))
         if damping > 0.0 and element.get("joint") is None:
             armature = number(element.get("armature"))
-            element.set("armature", repr(armature + 0.5 * TIMESTEP * damping))
+            element.set("armature", repr(armature + 0.5 * timestep * damping))
 
 
 def settle_time(effects: Sequence[Effect]) -> float:

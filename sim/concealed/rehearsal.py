@@ -74,25 +74,30 @@ class DriveGains:
         hold: Frequency of the weak position hold during a sweep [Hz].
         bandwidth: Of the speed loop [Hz].
         integral: Corner of its integral part over the bandwidth.
-        cycle: Steps of the engine per update.
+        cycle: Between two updates of the drive [s].
         resolution: Of the encoder that the drive sees, at the output [rad].
     """
 
     hold: float
     bandwidth: float
     integral: float
-    cycle: int
+    cycle: float
     resolution: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Everything about a case but the rig and what is concealed."""
+    """Everything about a case but the rig and what is concealed.
+
+    Attributes:
+        timestep: Of the engine [s]; a multiple of ``TIMESTEP`` of which the drive's cycle is a multiple.
+    """
 
     takes: tuple[Take, ...]
     devices: Devices
     gains: DriveGains
     setting: Setting | None = field(default=None, repr=False)
+    timestep: float = TIMESTEP
 
     def moment(self, index: int) -> Moment:
         """The run's place in the session."""
@@ -103,9 +108,9 @@ class Plan:
         )  # fmt: skip
 
 
-def grid(take: Take) -> Real:
+def grid(take: Take, timestep: float = TIMESTEP) -> Real:
     """The stepping grid of a run [s], tail included."""
-    return np.arange(round((take.duration + TAIL) / TIMESTEP), dtype=np.float64) * TIMESTEP
+    return np.arange(round((take.duration + TAIL) / timestep), dtype=np.float64) * timestep
 
 
 def hit(take: Take, times: Real) -> Real:
@@ -135,7 +140,7 @@ def motion(take: Take, times: Real) -> Real:
     peak = 2.0 * take.travel / half
     corners = rest + half * np.array([0.0, 0.5, 1.0, 1.5, 2.0])
     speed = np.interp(times, corners, [0.0, peak, 0.0, -peak, 0.0])
-    width = round(0.04 / TIMESTEP)
+    width = round(0.04 / (times[1] - times[0]))
     window = np.hanning(width)
     return np.asarray(np.convolve(speed, window / window.sum(), mode="same"))
 
@@ -147,11 +152,10 @@ def drive(rig: Rig, take: Take, gains: DriveGains, times: Real) -> Drive:
     joint = rig.joint
     ratio = joint.efficiency * joint.reduction_ratio
     inertia = (joint.reflected_inertia + joint.load_inertia) / ratio
+    cycle = round(gains.cycle / float(times[1] - times[0]))
     if take.kind == "torque-sweep":
         w = 2.0 * np.pi * gains.hold
-        return Drive(
-            1, sweep(take, times), (1.6 * w * inertia, w**2 * inertia), np.inf, gains.cycle, gains.resolution
-        )
+        return Drive(1, sweep(take, times), (1.6 * w * inertia, w**2 * inertia), np.inf, cycle, gains.resolution)
     w = 2.0 * np.pi * gains.bandwidth
     weight = abs(rig.gravity_torque(0.0)) / ratio
     limit = 6.0 * take.travel / (0.25 * take.duration) ** 2 * inertia + 2.0 * weight
@@ -160,7 +164,7 @@ def drive(rig: Rig, take: Take, gains: DriveGains, times: Real) -> Drive:
         motion(take, times),
         (w * inertia, gains.integral * w**2 * inertia),
         limit,
-        gains.cycle,
+        cycle,
         gains.resolution,
     )
 
@@ -175,10 +179,10 @@ def act(rig: Rig, plan: Plan, index: int, effects: Sequence[Effect]) -> tuple[Mo
     take, moment = plan.takes[index], plan.moment(index)
     setting = plan.setting
     assert setting is not None
-    times = grid(take)
+    times = grid(take, plan.timestep)
     measured = hit(take, times)
     pushed = (1.0 + take.gain) * hit(replace(take, at=take.at + take.late), times)
-    plant = compile_plant(rig, effects, setting, moment, take.angle)
+    plant = compile_plant(rig, effects, setting, moment, take.angle, plan.timestep)
     slots = tuple(e.law.loop(e.values, setting, moment) for e in effects if e.law.loop is not None)
     what = drive(rig, take, plan.gains, times)
     moved = march(
@@ -198,7 +202,10 @@ def faults(effects: Sequence[Effect], moment: Moment) -> Acquisition:
 
 
 def clean_channels(rig: Rig, plan: Plan, index: int, effects: Sequence[Effect]) -> dict[str, Real]:
-    """Every channel of the run without noise, declared or not, in SI; motor angle, torque and command on the motor shaft."""
+    """The run's channels without noise, in SI; motor angle, torque and command on the motor shaft.
+
+    In driven runs the motor angle is there even if the lab doesn't record it (see :func:`declared`).
+    """
     moved, given = act(rig, plan, index, effects)
     return _read(rig, plan, index, moved, given, faults(effects, plan.moment(index)))
 
@@ -213,22 +220,27 @@ def _read(
     looked = measurement.log_times(stamps, fault)
 
     acceleration = measurement.accelerometer(moved.accelerometer, h, devices, fault)
-    analogue = np.column_stack([given["force"] * fault.force_gain, acceleration, moved.arm])
-    read = measurement.resample(analogue, h, daq, devices.daq_rate)
-    channels: dict[str, Real] = {}
+    analogue = {"acceleration": acceleration}
     if take.braked:
-        channels["force"] = read[:, 0]
-    channels["acceleration"] = read[:, 1]
-    channels["arm"] = read[:, 2]
-    logged = measurement.resample(
-        np.column_stack([n * moved.motor, n * given["command"]]), h, looked, devices.log_rate
-    )
+        analogue["force"] = given["force"] * fault.force_gain
+    if devices.arm_encoder:
+        analogue["arm"] = moved.arm
+    logged = {}
+    if devices.motor_encoder or not take.braked:
+        logged["motor"] = n * moved.motor
+    if take.kind == "speed-motion":
+        logged["command"] = n * given["command"]
+    channels = _sampled(analogue, h, daq, devices.daq_rate) | _sampled(logged, h, looked, devices.log_rate)
     if not take.braked:
         channels["torque"] = measurement.logged_torque(moved.torque, h, looked, devices.log_rate, fault)
-        if take.kind == "speed-motion":
-            channels["command"] = logged[:, 1]
-    channels["motor"] = logged[:, 0]
-    return channels
+    return {name: channels[name] for name in measurement.CHANNELS if name in channels}
+
+
+def _sampled(signals: Mapping[str, Real], h: float, times: Real, rate: float) -> dict[str, Real]:
+    if not signals:
+        return {}
+    read = measurement.resample(np.column_stack(list(signals.values())), h, times, rate)
+    return dict(zip(signals, read.T, strict=True))
 
 
 def declared(channels: Mapping[str, Real], devices: Devices) -> dict[str, Real]:
@@ -249,13 +261,13 @@ def replayed(
     take, devices, joint = plan.takes[index], plan.devices, rig.joint
     setting = plan.setting
     assert setting is not None
-    times = grid(take)
+    times = grid(take, plan.timestep)
     fault = faults(effects, plan.moment(index))
     stamped = times * (1.0 + 1e-6 * fault.ppm) + fault.delay  # where the log put what happened then
     torque = bandlimited(record["torque"], devices.log_rate)(stamped)
     motor = bandlimited(record["motor"], devices.log_rate)(stamped) / joint.reduction_ratio
     moment = plan.moment(index)
-    plant = compile_plant(rig, effects, setting, moment, take.angle)
+    plant = compile_plant(rig, effects, setting, moment, take.angle, plan.timestep)
     slots = tuple(e.law.loop(e.values, setting, moment) for e in effects if e.law.loop is not None)
     w = 2.0 * np.pi * TIE
     inertia = (joint.reflected_inertia + joint.load_inertia) / plant.ratio

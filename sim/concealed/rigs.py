@@ -146,7 +146,7 @@ def draw_plan(rng: np.random.Generator, draw: Draw, rig: Rig, kinds: tuple[Kind,
     )  # fmt: skip
     gains = DriveGains(
         hold=float(rng.uniform(0.4, 0.9)), bandwidth=float(rng.uniform(0.1, 0.22) * w / (2.0 * np.pi)),
-        integral=float(rng.uniform(0.1, 0.3)), cycle=int(rng.choice([5, 10])),
+        integral=float(rng.uniform(0.1, 0.3)), cycle=float(rng.choice([4e-4, 1e-3])),
         resolution=2.0 * np.pi / (devices.motor_counts * joint.reduction_ratio),
     )  # fmt: skip
     return Plan(takes=tuple(takes), devices=devices, gains=gains)

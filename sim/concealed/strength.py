@@ -8,13 +8,15 @@ z   = |P r|: how far the best base stays away from the truth, in standard deviat
 z_d = min over the rivals of |P' r|, P' also off the rival's own directions: how far the best wrong name stays away.
 
 The base is refitted by chord steps before r is taken (secant responses, not derivatives, for what is not small).
-The runs used are a share of the case's; the sums are scaled up to all.
+Runs of each experiment are represented by some of them, their weights raised to stand for all. The engine steps twice
+as far here as for the recordings (both sides of every difference alike).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +30,10 @@ from jointscope.sim.concealed.rehearsal import TIE, Plan, clean_channels, declar
 Real = NDArray[np.float64]
 Record = list[dict[str, Real]]
 
+STEP: Final = 2e-4  # s, of the engine
+_ROUNDS: Final = 4
 FREE = ("stiffness", "damping", "load_inertia", "motor_damping", "load_damping")
-_STEP = 0.02
+_SHIFT = 0.02
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,7 @@ class Yardstick:
     """The space in which cases of one plan are measured.
 
     Attributes:
+        plan: The case's, at this module's own timestep.
         runs: Which runs stand for all.
         base: Clean channels without any effect.
         origin: Whitened misfit of the base on its own recordings (interpolation only).
@@ -65,7 +70,6 @@ class Yardstick:
     rig: Rig
     plan: Plan
     runs: tuple[int, ...]
-    scale: float
     base: Record = field(repr=False)
     weights: Sequence[Mapping[str, Real]] = field(repr=False)
     origin: Real = field(repr=False)
@@ -88,8 +92,8 @@ def representatives(plan: Plan) -> tuple[int, ...]:
     """Three hits over the levels, a sweep and a motion at the largest level and one more of what is alone."""
     chosen: list[int] = []
     kinds = {take.kind for take in plan.takes}
-    driven = 1 if len(kinds) > 2 else 2
-    for kind, count in (("hammer", 3), ("torque-sweep", 2), ("speed-motion", driven)):
+    motions = 1 if len(kinds) > 2 else 2
+    for kind, count in (("hammer", 3), ("torque-sweep", 2), ("speed-motion", motions)):
         of_kind = [i for i, take in enumerate(plan.takes) if take.kind == kind]
         by_size = sorted(
             of_kind, key=lambda i: plan.takes[i].force + plan.takes[i].amplitude + plan.takes[i].travel
@@ -102,10 +106,13 @@ def representatives(plan: Plan) -> tuple[int, ...]:
 def _weights(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> list[dict[str, Real]]:
     """By run and output channel, the factor per bin that makes noise white, shape (n // 2 + 1,).
 
-    In driven runs the noise of the torque log counts too: it drives the model.
+    In driven runs the noise of the torque log counts too: it drives the model. Each run counts for its share of the
+    case's runs of that experiment.
     """
     out = []
+    kinds = [take.kind for take in plan.takes]
     for run, channels in zip(runs, base, strict=True):
+        stands_for = kinds.count(kinds[run]) / sum(kinds[other] == kinds[run] for other in runs)
         shown = declared(channels, plan.devices)
         weights: dict[str, Real] = {}
         for name in ("acceleration", "arm", "motor"):
@@ -118,7 +125,9 @@ def _weights(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Reco
                 power = power + noise.torque**2 * _torque_to(name, rig, plan, power.size, y.size / rate)
             bins = np.arange(power.size)
             two_sided = np.where((bins == 0) | (2 * bins == y.size), 1.0, 2.0)
-            weights[name] = np.where(bins / y.size <= 0.40, np.sqrt(two_sided / (power * y.size)), 0.0)
+            weights[name] = np.where(
+                bins / y.size <= 0.40, np.sqrt(stands_for * two_sided / (power * y.size)), 0.0
+            )
         out.append(weights)
     return out
 
@@ -163,52 +172,84 @@ def _misfit(
             model = base[place]
         else:
             model = clean_channels(rig, plan, run, effects)
-        out.append({name: record[place][name] - model[name] for name in ("acceleration", "arm", "motor")})
+        compared = [name for name in ("acceleration", "arm", "motor") if name in model]
+        out.append({name: record[place][name] - model[name] for name in compared})
     return out
 
 
 def refitted(
-    yard: Yardstick, truth: Sequence[Effect], rival: Effect, free: Sequence[str], steps: int = 8
+    yard: Yardstick, sight: Sight, rival: Effect, free: Sequence[str], limits: tuple[float, float], steps: int = 24
 ) -> float:
-    """z_d by a full refit: how far ``rival``, with the base and its own parameters free, stays from ``truth``.
+    """z_d by a full refit: how far ``rival``, with the base and its own parameters free, stays from the truth.
 
-    Levenberg-Marquardt on the whitened misfit, logarithms of the base's parameters, of the rival's strength and of its
-    ``free`` parameters as unknowns; hits' gain and timing projected out.
+    Levenberg-Marquardt on the whitened misfit with logarithms of the base's parameters, of the rival's strength and of
+    its ``free`` parameters as unknowns; hits' gain and timing projected out. Slopes by secants, kept up by Broyden's
+    update, taken anew where a step fails; it ends where fresh slopes don't gain a per cent either.
+
+    Args:
+        yard: Where.
+        sight: The truth.
+        rival: Where to start from.
+        free: Its parameters that may change beside its strength.
+        limits: Of the strength.
+        steps: Most trials.
     """
-    record = rehearse(yard.rig, yard.plan, truth, yard.runs)
     names = list(yard.steps)
+    bounds = np.sort(np.log(np.array(limits) / rival.values[rival.law.strength]))
 
     def left(x: Real) -> Real:
         rig = changed(yard.rig, dict(zip(names, x[: len(names)], strict=True)))
         values = dict(rival.values)
         for name, shift in zip((rival.law.strength, *free), x[len(names) :], strict=True):
             values[name] = values[name] * float(np.exp(shift))
-        misfit = _misfit(rig, yard.plan, yard.runs, record, None, (Effect(rival.law, values),))
+        try:
+            misfit = _misfit(rig, yard.plan, yard.runs, sight.record, None, (Effect(rival.law, values),))
+        except FloatingPointError:
+            return np.full(yard.origin.size, np.inf)
         return off(yard.scatter, _whiten(misfit, yard.weights) - yard.origin)
 
     x = np.zeros(len(names) + 1 + len(free))
-    step = np.array([0.01] * len(names) + [0.1] + [0.03] * len(free))
-    r, damping = left(x), 1e-3
+    shift = np.array([0.01] * len(names) + [0.1] + [0.03] * len(free))
+    r, damping, fresh = left(x), 1e-3, False
+    slopes = np.zeros((r.size, 0))
     for _ in range(steps):
-        slopes = np.column_stack([(left(x + h * e) - r) / h for h, e in zip(step, np.eye(x.size), strict=True)])
-        size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
-        before = float(r @ r)
-        for _ in range(4):
-            scaled = slopes / size
-            move = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(x.size), scaled.T @ r) / size
-            trial = x + np.clip(move, -1.0, 1.0)
-            new = left(trial)
-            if float(new @ new) < before:
-                x, r, damping = trial, new, damping / 5.0
-                break
+        if not slopes.size:
+            slopes = np.column_stack(
+                [(left(x + h * e) - r) / h for h, e in zip(shift, np.eye(x.size), strict=True)]
+            )
+            fresh = True
+        before = float(np.linalg.norm(r))
+        trial = x + _damped(slopes, r, damping)
+        trial[len(names)] = np.clip(trial[len(names)], *bounds)
+        new = left(trial)
+        after = float(np.linalg.norm(new))
+        if np.isfinite(after) and np.any(trial != x):
+            move = trial - x
+            slopes = slopes + np.outer(new - r - slopes @ move, move) / float(move @ move)
+        if after < before:
+            x, r, damping = trial, new, damping / 5.0
+        else:
             damping *= 10.0
-        if float(r @ r) > 0.98 * before:
-            break
-    return float(np.linalg.norm(r) * np.sqrt(yard.scale))
+        if after > 0.99 * before:
+            if fresh and damping > 1e-2:
+                break
+            if not fresh:
+                slopes = np.zeros((r.size, 0))
+        else:
+            fresh = False
+    return float(np.linalg.norm(r))
+
+
+def _damped(slopes: Real, r: Real, damping: float) -> Real:
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
+    scaled = slopes / size
+    move = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(size.size), scaled.T @ r) / size
+    return np.asarray(np.clip(move, -1.0, 1.0))
 
 
 def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
     """Simulate the base and what it can absorb."""
+    plan = replace(plan, timestep=STEP)
     runs = representatives(plan)
     base = rehearse(rig, plan, (), runs)
     weights = _weights(rig, plan, noise, runs, base)
@@ -219,13 +260,13 @@ def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
     for name in FREE:
         if (braked_only and name in ("motor_damping", "load_damping")) or getattr(rig.joint, name) <= 0.0:
             continue
-        misfit = _misfit(changed(rig, {name: _STEP}), plan, runs, base, None)
+        misfit = _misfit(changed(rig, {name: _SHIFT}), plan, runs, base, None)
         columns.append(origin - _whiten(misfit, weights))
-        steps[name] = _STEP
+        steps[name] = _SHIFT
     matrix = np.column_stack(columns)
     nuisance = _scatter(plan, runs, base, weights)
     return Yardstick(
-        rig=rig, plan=plan, runs=runs, scale=len(plan.takes) / len(runs), base=base, weights=weights, origin=origin,
+        rig=rig, plan=plan, runs=runs, base=base, weights=weights, origin=origin,
         columns=matrix, steps=steps, tangents=_orthonormal(np.column_stack([matrix, *nuisance])),
         scatter=_orthonormal(np.column_stack(nuisance)) if nuisance else np.zeros((origin.size, 0)),
     )  # fmt: skip
@@ -239,7 +280,7 @@ def _scatter(plan: Plan, runs: Sequence[int], base: Record, weights: Sequence[Ma
             continue
         for derivative in (False, True):
             record = [{name: np.zeros_like(y) for name, y in channels.items()} for channels in base]
-            for name in ("acceleration", "arm"):
+            for name in [name for name in ("acceleration", "arm") if name in base[place]]:
                 y = base[place][name] - base[place][name][0]
                 record[place][name] = np.gradient(y) * plan.devices.daq_rate * 1e-4 if derivative else 0.01 * y
             out.append(_whiten(record, weights))
@@ -257,38 +298,64 @@ def off(basis: Real, vector: Real) -> Real:
     return np.asarray(vector - basis @ (basis.T @ vector))
 
 
-def residual(yard: Yardstick, effects: Sequence[Effect]) -> tuple[Real, float]:
-    """What the refitted base can't follow, whitened, and its materiality.
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What effects do to the representative runs.
+
+    Attributes:
+        record: Clean channels with them.
+        misfit: Whitened misfit of the base, parameters as they are, shape (n,).
+    """
+
+    record: Record = field(repr=False)
+    misfit: Real = field(repr=False)
+
+
+def look(yard: Yardstick, effects: Sequence[Effect]) -> Sight:
+    """Simulate the representative runs with ``effects``."""
+    record = rehearse(yard.rig, yard.plan, effects, yard.runs)
+    misfit = _whiten(_misfit(yard.rig, yard.plan, yard.runs, record, yard.base), yard.weights) - yard.origin
+    return Sight(record, misfit)
+
+
+def projected(yard: Yardstick, sight: Sight) -> Real:
+    """What the base's tangents can't follow, shape (n,)."""
+    return off(yard.tangents, sight.misfit)
+
+
+def refitted_base(yard: Yardstick, sight: Sight) -> Real:
+    """What the refitted base can't follow, shape (n,).
 
     Two chord steps move the base to where it fits best, so that a large effect is not judged at the wrong parameters.
     """
-    truth = rehearse(yard.rig, yard.plan, effects, yard.runs)
     names = list(yard.steps)
     change = np.zeros(len(names))
-    best = _whiten(_misfit(yard.rig, yard.plan, yard.runs, truth, yard.base), yard.weights) - yard.origin
+    best = sight.misfit
     size = float(np.linalg.norm(off(yard.tangents, best)))
     free = np.column_stack([yard.columns, yard.tangents])
     for _ in range(2):
         step = np.linalg.lstsq(free, best, rcond=1e-9)[0][: change.size]
         if float(np.max(np.abs(step))) < 0.25:  # half a per cent: the tangent is good enough
             break
+        gained = 0.0
         for share in (1.0, 0.4, 0.15):
-            trial = np.clip(change + share * step, -40.0, 40.0)
-            rig = changed(yard.rig, {n: yard.steps[n] * c for n, c in zip(names, trial, strict=True)})
-            left = _whiten(_misfit(rig, yard.plan, yard.runs, truth, None), yard.weights) - yard.origin
+            trial = change + share * step * _SHIFT
+            rig = changed(yard.rig, dict(zip(names, trial, strict=True)))
+            try:
+                misfit = _misfit(rig, yard.plan, yard.runs, sight.record, None)
+            except FloatingPointError:
+                continue
+            left = _whiten(misfit, yard.weights) - yard.origin
             new = float(np.linalg.norm(off(yard.tangents, left)))
             if new < size:
+                change, best, gained, size = trial, left, size - new, new
                 break
-        else:
-            break
-        change, best, gained, size = trial, left, size - new, new
         if gained < 0.05 * size:
             break
-    r = off(yard.tangents, best)
-    return r, _materiality(yard, r, truth)
+    return off(yard.tangents, best)
 
 
-def _materiality(yard: Yardstick, r: Real, truth: Record) -> float:
+def materiality(yard: Yardstick, r: Real, truth: Record) -> float:
     """NRMSE of the acceleration that the refitted base leaves, over the runs."""
     missed, whole, place = 0.0, 0.0, 0
     for channels, weights in zip(truth, yard.weights, strict=True):
@@ -307,60 +374,73 @@ def _materiality(yard: Yardstick, r: Real, truth: Record) -> float:
 def direction(yard: Yardstick, rival: Effect) -> Real:
     """What a rival would add, off the base's tangents; nothing where it would fly apart."""
     try:
-        record = rehearse(yard.rig, yard.plan, (rival,), yard.runs)
+        return projected(yard, look(yard, (rival,)))
     except FloatingPointError:
         return np.zeros_like(yard.origin)
-    misfit = _misfit(yard.rig, yard.plan, yard.runs, record, yard.base)
-    return off(yard.tangents, _whiten(misfit, yard.weights) - yard.origin)
 
 
 def nearest_form(
-    yard: Yardstick, r: Real, rival: Effect, free: Sequence[str], rounds: int = 4
+    yard: Yardstick, r: Real, rival: Effect, first: Real, free: Sequence[str], limits: tuple[float, float]
 ) -> tuple[Real, Effect]:
     """The form of ``rival`` that comes nearest to ``r``: its strength and ``free`` parameters fitted, the base linear.
 
-    Gauss-Newton in the logarithms, each step halved until it helps.
+    Starts at the strength that r has in proportion. Secants in the logarithms, kept up by Broyden's update; a step
+    that doesn't help is shortened once.
+
+    Args:
+        yard: Where.
+        r: What is to be come near to, shape (n,).
+        rival: Where to start from.
+        first: Its direction.
+        free: Parameters that may change beside the strength.
+        limits: Of the strength.
 
     Returns:
         Its direction, shape (n,), and the rival with those numbers.
     """
     names = (rival.law.strength, *free)
+    share = float(first @ r) / max(float(first @ first), 1e-300)
+    rival = rival.scaled(float(np.clip(share * rival.values[rival.law.strength], min(limits), max(limits))))
     d = direction(yard, rival)
-    for _ in range(rounds):
-        columns = []
-        for name in names:
-            moved = direction(yard, Effect(rival.law, {**rival.values, name: rival.values[name] * 1.03}))
-            columns.append((moved - d) / 0.03)
-        step = np.clip(np.linalg.lstsq(np.column_stack(columns), r - d, rcond=1e-6)[0], -1.0, 1.0)
-        before, better = float(np.linalg.norm(r - d)), False
-        for share in (1.0, 0.3):
-            values = dict(rival.values)
-            for name, shift in zip(names, step, strict=True):
-                values[name] = values[name] * float(np.exp(share * shift))
-            trial = direction(yard, Effect(rival.law, values))
-            if np.any(trial) and float(np.linalg.norm(r - trial)) < before:
-                rival, d, better = Effect(rival.law, values), trial, True
-                break
-        if not better or float(np.linalg.norm(r - d)) > 0.97 * before:
+    columns = [d]  # in proportion to the strength, to begin with
+    for name in free:
+        moved = direction(yard, Effect(rival.law, {**rival.values, name: rival.values[name] * 1.03}))
+        columns.append((moved - d) / 0.03)
+    slopes = np.column_stack(columns)
+    reach = 1.0
+    for _ in range(_ROUNDS):
+        before = float(np.linalg.norm(r - d))
+        step = reach * np.clip(np.linalg.lstsq(slopes, r - d, rcond=1e-6)[0], -1.0, 1.0)
+        predicted = float(np.linalg.norm(r - d - slopes @ step))
+        if predicted > 0.97 * before or not np.any(step):
             break
+        values = dict(rival.values)
+        for name, shift in zip(names, step, strict=True):
+            values[name] = values[name] * float(np.exp(shift))
+        trial = direction(yard, Effect(rival.law, values))
+        if not np.any(trial):
+            break
+        slopes = slopes + np.outer(trial - d - slopes @ step, step) / float(step @ step)
+        if float(np.linalg.norm(r - trial)) < before:
+            rival, d, reach = Effect(rival.law, values), trial, 1.0
+        else:
+            reach *= 0.3
     return d, rival
 
 
 def left_over(r: Real, directions: Real) -> float:
-    """|r| off the given directions, shape (n, m) [standard deviations of the runs used]."""
+    """|r| off the given directions, shape (n, m) [standard deviations]."""
     if not np.any(directions):
         return float(np.linalg.norm(r))
     return float(np.linalg.norm(off(_orthonormal(directions), r)))
 
 
-def measure(yard: Yardstick, effects: Sequence[Effect], against: Mapping[str, Real]) -> Strength:
-    """z and z_d of ``effects``; ``against`` holds each rival's directions, shape (n, m)."""
-    r, materiality = residual(yard, effects)
-    factor = np.sqrt(yard.scale)
-    z = float(np.linalg.norm(r) * factor)
+def graded(yard: Yardstick, r: Real, record: Record, against: Mapping[str, Real]) -> Strength:
+    """z and z_d of what leaves ``r`` of ``record``; ``against`` holds each rival's directions, shape (n, m)."""
+    z = float(np.linalg.norm(r))
     nearest, z_d = "", z
     for label, directions in against.items():
-        left = left_over(r, directions) * float(factor)
+        left = left_over(r, directions)
         if left < z_d:
             nearest, z_d = label, left
-    return Strength(z=z, z_d=z_d, nearest=nearest, materiality=materiality)
+    return Strength(z=z, z_d=z_d, nearest=nearest, materiality=materiality(yard, r, record))
