@@ -1,30 +1,26 @@
-"""One self-contained HTML page: a verdict, tables, pictures inside the file; readable in light and dark, and on paper."""
+"""One self-contained HTML page: a verdict, what to do next, charts, tables; for light, dark and paper, with or without script."""
 
 from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 
-_CSS = """
-:root { color-scheme: light dark; --ink: #1c2430; --quiet: #5b6675; --paper: #fdfdfc; --line: #d9dee5; --mark: #1f4e79;
-        --wash: #f1f4f7; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e6e9ee; --quiet: #a3adba; --paper: #14181e; --line: #303844;
-        --mark: #8fc1ee; --wash: #1c222b; } img { background: #fff; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); margin: 0 auto;
-       max-width: 62rem; padding: 2rem 1.2rem 4rem; }
-h1 { font-size: 1.5rem; margin: 0 0 .4rem; } h2 { font-size: 1.1rem; margin: 2.2rem 0 .5rem; color: var(--mark); }
-p.verdict { font-size: 1.12rem; border-left: 4px solid var(--mark); padding: .3rem 0 .3rem .9rem; }
-p.note, figcaption { color: var(--quiet); font-size: .9rem; }
-div.wide { overflow-x: auto; } table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: .28rem .8rem .28rem 0; border-bottom: 1px solid var(--line); text-align: left; vertical-align: top; }
-th { color: var(--quiet); font-weight: 600; font-size: .85rem; } td.number { text-align: right; white-space: nowrap; }
-figure { margin: 1rem 0; } img { max-width: 100%; border-radius: 4px; } svg { max-width: 100%; height: auto; }
-div.side { display: flex; flex-wrap: wrap; gap: 1rem; } div.side > div { flex: 1 1 26rem; }
-@media print { body { max-width: none; } figure { break-inside: avoid; } }
-"""
+from jointscope.experiments.charts.chart import Chart, Missing
+from jointscope.experiments.charts.svg import chart_markup, look_colours, look_rules
+
+_LIGHT = (
+    "--ink:#1c2430;--quiet-ink:#566070;--quiet-line:#7b8694;--paper:#fdfdfc;--line:#dde2e8;--edge:#97a1ae;--mark:#1f4e79;"
+    "--wash:#f1f4f7;--focus:#c2410c;--span:#1f4e7914;--heat:#0b3c6f;--lit:#c2410c;--lit-wash:#f59e0b;"
+)
+_DARK = (
+    "--ink:#e6e9ee;--quiet-ink:#a9b3c0;--quiet-line:#8592a2;--paper:#14181e;--line:#2b333d;--edge:#5b6775;--mark:#8fc1ee;"
+    "--wash:#1d242d;--focus:#fb923c;--span:#8fc1ee1c;--heat:#9fd0ff;--lit:#fb923c;--lit-wash:#b45309;"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,51 +41,138 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A heading and what stands under it, in this order: sentences, markup, table, pictures, small print.
+    """A heading and what stands under it, in this order: sentences, markup, table, charts, tabs, pictures, small print.
 
-    ``markup`` is put in as it is (an inline SVG); whoever writes it escapes what it quotes.
+    Attributes:
+        markup: Put in as it is (an inline SVG); whoever writes it escapes what it quotes.
+        charts: One under the other; of a missing one the page says what it would take.
+        tabs: Alternatives of which one is shown at a time; on paper all are.
     """
 
     heading: str
     text: tuple[str, ...] = ()
     markup: str = ""
     table: Table | None = None
+    charts: tuple[Chart | Missing, ...] = field(default=())
+    tabs: tuple[Chart | Missing, ...] = field(default=())
     pictures: tuple[Picture, ...] = field(default=())
     notes: tuple[str, ...] = ()
 
 
-def page(title: str, verdict: str, sections: Sequence[Section]) -> str:
-    """The page as text; every picture's file is read here."""
-    body = [f"<h1>{html.escape(title)}</h1>", f'<p class="verdict">{html.escape(verdict)}</p>']
+@dataclass(frozen=True, kw_only=True)
+class FirstScreen:
+    """What stands above the evidence.
+
+    Attributes:
+        verdict: What is wrong, where and how sure, in a sentence or two.
+        next_step: What to do now.
+        facts: Names and values of the few figures that matter, units included.
+        markup: Drawings side by side, each as inline SVG.
+    """
+
+    verdict: str
+    next_step: str = ""
+    facts: tuple[tuple[str, str], ...] = ()
+    markup: tuple[str, ...] = ()
+
+
+def page(title: str, first: FirstScreen | str, sections: Sequence[Section]) -> str:
+    """The page as text; every picture's file is read here.
+
+    Args:
+        title: Of the page and its window.
+        first: The first screen, or its verdict alone.
+        sections: The evidence.
+    """
+    shown = FirstScreen(verdict=first) if isinstance(first, str) else first
+    body = [f"<header><h1>{html.escape(title)}</h1></header>", *_first(shown)]
+    if len(sections) > 3:
+        links = (f'<a href="#{_anchor(s.heading)}">{html.escape(s.heading)}</a>' for s in sections)
+        body.append(f'<nav aria-label="Contents">{" ".join(links)}</nav>')
+    body.append("<main>")
     body += [_section(section) for section in sections]
+    body.append("</main>")
     return (
         '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>{_CSS}</style></head>\n<body>\n"
+        f"<title>{html.escape(title)}</title><style>{_styles()}</style></head>\n<body>\n"
         + "\n".join(body)
-        + "\n</body></html>\n"
+        + f"\n<script>{_asset('page_script.js')}</script>\n</body></html>\n"
     )
 
 
+def _styles() -> str:
+    light, dark = _LIGHT + look_colours("light"), _DARK + look_colours("dark")
+    return (
+        f":root{{color-scheme:light dark;{light}}}\n"
+        f"@media screen and (prefers-color-scheme: dark){{:root:not([data-theme=light]){{{dark}}}}}\n"
+        f"@media screen{{:root[data-theme=dark]{{{dark}color-scheme:dark}}:root[data-theme=light]{{color-scheme:light}}}}\n"
+        f"{_asset('page_style.css')}{look_rules()}\n"
+    )
+
+
+def _asset(name: str) -> str:
+    return files("jointscope.experiments").joinpath(name).read_text(encoding="utf-8")
+
+
+def _first(first: FirstScreen) -> list[str]:
+    parts = [f'<p class="verdict">{html.escape(pretty(first.verdict))}</p>']
+    if first.facts:
+        facts = (f"<div><dt>{html.escape(a)}</dt><dd>{html.escape(pretty(b))}</dd></div>" for a, b in first.facts)
+        parts.append(f'<dl class="facts">{"".join(facts)}</dl>')
+    if first.next_step:
+        parts.append(f'<p class="next"><b>Next:</b> {html.escape(first.next_step)}</p>')
+    drawings = "".join(f"<div>{m}</div>" for m in first.markup if m)
+    if drawings:
+        parts.append(f'<div class="side">{drawings}</div>')
+    return parts
+
+
+def _anchor(heading: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-")
+
+
 def _section(section: Section) -> str:
-    parts = [f"<h2>{html.escape(section.heading)}</h2>"]
+    parts = [f'<h2 id="{_anchor(section.heading)}">{html.escape(section.heading)}</h2>']
     parts += [f"<p>{html.escape(sentence)}</p>" for sentence in section.text]
     if section.markup:
         parts.append(section.markup)
     if section.table is not None:
         parts.append(_table(section.table))
+    parts += [_chart(chart) for chart in section.charts]
+    if section.tabs:
+        tabs = (
+            f'<section class="tab" id="tab-{_anchor(section.heading)}-{k}" data-label="{html.escape(tab.label)}">'
+            f"<h3>{html.escape(tab.label)}</h3>{_chart(tab)}</section>"
+            for k, tab in enumerate(section.tabs)
+        )
+        parts.append(f'<div class="tabs">{"".join(tabs)}</div>')
     parts += [_picture(picture) for picture in section.pictures]
     parts += [f'<p class="note">{html.escape(note)}</p>' for note in section.notes]
     return "\n".join(parts)
 
 
+def _chart(chart: Chart | Missing) -> str:
+    if isinstance(chart, Missing):
+        return (
+            f'<p class="missing">{html.escape(chart.label)}: not drawn. Missing: {html.escape(chart.channel)}.</p>'
+        )
+    return chart_markup(chart)
+
+
 def _table(table: Table) -> str:
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in table.columns)
+    head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in table.columns)
     rows = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>\n" for row in table.rows)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table></div>'
 
 
+def pretty(text: str) -> str:
+    """Units as they are printed: ``m/s^2`` becomes ``m/s²``."""
+    return re.sub(r"(?<=[a-zA-Z])\^([23])", lambda power: {"2": "²", "3": "³"}[power[1]], text)
+
+
 def _cell(cell: str) -> str:
+    cell = pretty(cell)
     number = bool(cell) and (cell[0].isdigit() or (cell[0] in "+-.[" and any(c.isdigit() for c in cell)))
     kind = ' class="number"' if number else ""
     return f"<td{kind}>{html.escape(cell)}</td>"

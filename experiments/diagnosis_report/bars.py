@@ -49,15 +49,16 @@ def error_bars(found: Sequence[Pair]) -> str:
         return ""
     values = [v for p in shown for v in (p.base, p.corrected, p.floor) if v and math.isfinite(v) and v > 0.0]
     low, high = math.floor(math.log10(min(values)) - 0.1), math.ceil(math.log10(max(values)) + 0.05)
-    left, width, row = 8.0, 480.0, 62.0
+    left, width, row = 24.0, 350.0, 56.0
 
     def x(value: float) -> float:
         return left + width * (math.log10(max(value, 10.0**low)) - low) / (high - low)
 
     bottom = row * len(shown) + 6.0
     parts = [
-        "<style>.eb text{font:12px system-ui,sans-serif;fill:var(--ink)}.eb .grid{stroke:var(--line)}"
-        ".eb .b{fill:#d1495b}.eb .c{fill:#1f6fb2}.eb .f{stroke:var(--ink);stroke-width:2;stroke-dasharray:5 3}</style>"
+        "<style>.eb text{font:12px system-ui,sans-serif;fill:var(--ink);paint-order:stroke;stroke:var(--paper);"
+        "stroke-width:3px}.eb .grid{stroke:var(--line)}.eb .b{fill:var(--base)}.eb .c{fill:var(--corrected)}"
+        ".eb .f{stroke:var(--ink);stroke-width:2;stroke-dasharray:5 3}</style>"
     ]
     for decade in range(low, high + 1):
         at = x(10.0**decade)
@@ -71,17 +72,19 @@ def error_bars(found: Sequence[Pair]) -> str:
         bars = [("b", pair.base, "base")]
         if pair.corrected is not None and math.isfinite(pair.corrected):
             bars.append(("c", pair.corrected, "corrected"))
+        labels = []
         for line, (kind, value, name) in enumerate(bars):
-            y = top + 17.0 + 17.0 * line
+            y = top + 16.0 + 16.0 * line
             parts.append(
                 f'<rect class="{kind}" x="{left}" y="{y}" width="{max(x(value) - left, 1.0):.1f}" height="13"/>'
             )
-            parts.append(f'<text x="{x(value) + 5:.1f}" y="{y + 11}">{name} {100.0 * value:.3g} %</text>')
+            labels.append(f'<text x="{x(value) + 6:.1f}" y="{y + 11}">{name} {100.0 * value:.3g} %</text>')
         if math.isfinite(pair.floor) and pair.floor > 0.0:
             at = x(pair.floor)
-            parts.append(f'<line class="f" x1="{at:.1f}" x2="{at:.1f}" y1="{top + 15}" y2="{top + 52}"/>')
+            parts.append(f'<line class="f" x1="{at:.1f}" x2="{at:.1f}" y1="{top + 14}" y2="{top + 48}"/>')
+        parts += labels
     parts.append(f'<text x="{left}" y="{bottom + 32}">RMS error over RMS signal; dashed: noise floor</text>')
     return (
-        f'<svg class="eb" viewBox="0 0 610 {bottom + 38}" width="610" role="img">'
+        f'<svg class="eb" viewBox="0 0 520 {bottom + 38}" width="520" role="img">'
         f"<title>Prediction error per experiment and channel</title>{''.join(parts)}</svg>"
     )

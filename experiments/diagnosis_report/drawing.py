@@ -34,12 +34,13 @@ _INERTIA: dict[str, tuple[Box, str]] = {
 }
 
 STYLE = """<style>.jd text{font:13px system-ui,sans-serif;fill:var(--ink);text-anchor:middle}
-.jd .part{fill:var(--wash);stroke:var(--quiet);stroke-width:1.5}.jd .wire{fill:none;stroke:var(--quiet);stroke-width:1.3}
-.jd .dots{stroke-dasharray:4 3}.jd .lit{stroke:#c2410c;stroke-width:4;fill:url(#hatch)}.jd .maybe{stroke-dasharray:9 5}
+.jd .part{fill:var(--wash);stroke:var(--quiet-line);stroke-width:1.5}
+.jd .wire{fill:none;stroke:var(--quiet-line);stroke-width:1.3}
+.jd .dots{stroke-dasharray:4 3}.jd .lit{stroke:var(--lit);stroke-width:4;fill:url(#hatch)}.jd .maybe{stroke-dasharray:9 5}
 .jd .label{font-weight:700;paint-order:stroke;stroke:var(--paper);stroke-width:4px}</style>
 <defs><pattern id="hatch" width="9" height="9" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
-<rect width="9" height="9" fill="#f59e0b" fill-opacity=".25"/>
-<line x1="0" y1="0" x2="0" y2="9" stroke="#c2410c" stroke-width="3"/>
+<rect width="9" height="9" style="fill:var(--lit-wash);fill-opacity:.25"/>
+<line x1="0" y1="0" x2="0" y2="9" style="stroke:var(--lit);stroke-width:3"/>
 </pattern></defs>"""
 
 
@@ -113,7 +114,7 @@ def _flags(shown: Mapping[str, str], parts: Mapping[str, tuple[Box, str]], sure:
         box = parts[place][0]
         x = box[0] + box[2] / 2
         y = box[1] - 6 if place not in ("acquisition",) else box[1] + box[3] + 16
-        flags.append(f'<path d="M{x} {y}l-7 -13h14z" fill="#c2410c"/>' if place != "acquisition" else "")
+        flags.append(f'<path d="M{x} {y}l-7 -13h14z" style="fill:var(--lit)"/>' if place != "acquisition" else "")
         lead = "here" if sure else "perhaps here"
         flags.append(
             f'<text class="label" x="310" y="{260 + 19 * row}">{lead}, {parts[place][1]}: {html.escape(text)}</text>'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.errors import Free, floor_of, relative_error, rms
-from jointscope.diagnosis.noise import ANGULAR
+from jointscope.diagnosis.noise import ANGULAR, BlockNoise, block_key
 from jointscope.diagnosis.split import level
 
 if TYPE_CHECKING:
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Problem
 
 Vector = NDArray[np.float64]
+UNITS = {
+    "linear-acceleration": "m/s²", "acceleration": "m/s²", "angular-acceleration": "rad/s²", "angle": "rad",
+    "angular-velocity": "rad/s", "position": "m", "velocity": "m/s", "force": "N", "torque": "N m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,7 @@ class Trace:
         recorded, base, corrected: In SI, shape (n,); ``corrected`` is ``base`` where no effect was found.
         base_error, corrected_error: As the contract defines them [-].
         floor: The same of a perfect model [-]; ``nan`` where it is not known.
+        floor_density: Amplitude spectral density of the channel's noise over frequency [unit/sqrt(Hz)].
     """
 
     run: str
@@ -75,6 +80,7 @@ class Trace:
     base_error: float
     corrected_error: float
     floor: float
+    floor_density: Callable[[Vector], Vector] | None = None
 
     @property
     def channel(self) -> str:
@@ -105,6 +111,7 @@ def gather(models: Models, free: Free) -> tuple[Trace, ...]:
                 np.asarray(output.polarity * (np.asarray(p) + output.offset))[scored] for p in (before, after)
             )
             size = rms(recorded - recorded[0]) if output.quantity in ANGULAR else rms(recorded)
+            block = models.noise.blocks.get(block_key(run, output))
             found.append(
                 Trace(
                     run=run.run.id,
@@ -122,9 +129,20 @@ def gather(models: Models, free: Free) -> tuple[Trace, ...]:
                     base_error=relative_error(output.quantity, recorded, before),
                     corrected_error=relative_error(output.quantity, recorded, after),
                     floor=floor_of(run, output, models.noise, after) / size if size > 0.0 else float("nan"),
+                    floor_density=None if block is None else noise_density(block, output.rate),
                 )
             )
     return tuple(found)
+
+
+def noise_density(block: BlockNoise, rate: float) -> Callable[[Vector], Vector]:
+    """Amplitude spectral density of an autoregressive noise: sqrt(2/rate) sigma / |A(e^jw)| [unit/sqrt(Hz)]."""
+
+    def at(frequency: Vector) -> Vector:
+        turn = np.exp(-2j * np.pi * np.outer(frequency / rate, np.arange(block.ar.size)))
+        return np.asarray(np.sqrt(2.0 / rate) * block.sigma / np.abs(turn @ block.ar))
+
+    return at
 
 
 def telling(traces: Sequence[Trace]) -> dict[str, Trace]:

@@ -44,6 +44,44 @@ PLACES = {
     "neighbour": "in the neighbouring joint",
     "acquisition": "in the measuring chain, not in the joint",
 }
+FIELD_NAMES = {
+    "stiffness": "torsional stiffness K",
+    "inertia": "load inertia J_L",
+    "damping": "joint damping c",
+    "damping_total": "joint and bearing damping c + b_l",
+    "motor_inertia": "motor and reducer inertia J_M, at the output",
+    "motor_damping": "viscous friction of the motor side b_m",
+    "load_damping": "viscous friction of the arm side b_l",
+    "gravity_moment": "static moment m g r",
+    "torque_scale": "torque constant over the stated one",
+    "backlash.gap": "lost motion (total play)",
+    "coulomb-friction.torque": "Coulomb friction torque",
+    "coulomb-friction.asymmetry": "difference between the directions",
+    "stribeck-friction.torque": "Coulomb friction torque",
+    "stribeck-friction.breakaway": "breakaway (starting) torque",
+    "stribeck-friction.stribeck_velocity": "Stribeck velocity",
+    "load-dependent-friction.coefficient": "loss per transmitted torque (1 - efficiency)",
+    "hysteresis.torque": "hysteresis torque (half the loop's height)",
+    "stiffness-nonlinearity.cubic": "hardening (+) or softening (-) of K",
+    "structural-damping.loss_factor": "loss factor eta",
+    "transmission-error.amplitude": "kinematic error (transmission accuracy), peak",
+    "torque-ripple.amplitude": "cogging or ripple torque, peak",
+    "drive-lag.time_constant": "current loop's time constant",
+    "torque-gain.gain": "true over stated torque constant or efficiency",
+    "gravity.moment": "static moment m g r that is missing",
+    "payload.inertia": "payload inertia about the joint",
+    "link-flexibility.frequency": "bending mode of the arm",
+    "base-compliance.frequency": "mounting resonance",
+    "neighbour-flexibility.frequency": "neighbouring joint's mode",
+    "delay.delay": "lateness of the other device",
+    "clock-drift.ppm": "clock rate error",
+    "sensor-tilt.angle": "misalignment of the accelerometer",
+    "sensor-resonance.frequency": "mounted resonance of the accelerometer",
+    "sensor-saturation.level": "clipping level",
+    "sensor-gain.gain": "true over stated sensitivity or radius",
+    "torque-logging.rate": "refresh rate of the torque log",
+}
+"""The trade's names beside the contract's: of the joint's parameters, and of effects' as ``effect.parameter``."""
 SENSORS = ("sensor-tilt", "sensor-resonance", "sensor-saturation", "sensor-gain")
 
 
@@ -52,6 +90,12 @@ def called(name: str, *, translational: bool = False) -> str:
     effect, _, location = name.partition("@")
     place = "at the carriage" if translational and location == "load" else PLACES.get(location, location)
     return f"{CALLED.get(effect, effect)} {place}".strip()
+
+
+def field_name(owner: str, parameter: str) -> str:
+    """The trade's name of a parameter of ``joint`` or of ``effect@location``; empty where it has no other."""
+    key = parameter if owner == "joint" else f"{owner.partition('@')[0]}.{parameter}"
+    return FIELD_NAMES.get(key, "")
 
 
 def figure(value: float | None, digits: int = 3) -> str:

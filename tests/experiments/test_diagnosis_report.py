@@ -1,17 +1,26 @@
 """The diagnosis' page: what it says, what it lights, and that its pictures and numbers agree with the answer."""
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+from scipy.signal import butter, freqz_sos, sosfilt
 
 from jointscope.diagnosis.effects import REGISTRY
-from jointscope.experiments.diagnosis_report import figures
+from jointscope.diagnosis.noise import BlockNoise
+from jointscope.experiments.charts.chart import Missing
+from jointscope.experiments.charts.files import columns, write_files
+from jointscope.experiments.diagnosis_report import figures, tables
 from jointscope.experiments.diagnosis_report.balance import Balance
 from jointscope.experiments.diagnosis_report.bars import error_bars, pairs
 from jointscope.experiments.diagnosis_report.drawing import joint_drawing, marks
-from jointscope.experiments.diagnosis_report.traces import Trace, telling
+from jointscope.experiments.diagnosis_report.hits import Hit, usable_band
+from jointscope.experiments.diagnosis_report.levels import level_groups
+from jointscope.experiments.diagnosis_report.orders import speed_map
+from jointscope.experiments.diagnosis_report.responses import h1
+from jointscope.experiments.diagnosis_report.traces import Trace, noise_density, telling
 from jointscope.experiments.diagnosis_report.wording import (
     CALLED,
     PLACES,
@@ -150,28 +159,103 @@ def test_bands_hold_a_tones_whole_power():
     assert abs(np.log2(centres[np.argmax(size)] / 20.0)) < 1.0 / 3.0
 
 
-def test_each_figure_leaves_its_numbers_beside_it(tmp_path):
+def test_noise_of_an_autoregressive_channel_holds_its_variance_over_all_lines():
+    ar, sigma = np.array([1.0, -0.6, 0.2]), 0.3
+    density = noise_density(BlockNoise(ar=ar, sigma=sigma, marginal=0.0, kappa=0.0), RATE)
+    f = np.linspace(0.0, RATE / 2.0, 20_001)
+    variance = np.trapezoid(density(f) ** 2, f)
+    r1 = 0.6 / 1.2  # Yule-Walker: rho_1 = phi_1/(1 - phi_2), sigma_x^2 = sigma^2/(1 - phi_1 rho_1 - phi_2 rho_2)
+    expected = sigma**2 / (1.0 - 0.6 * r1 + 0.2 * (0.6 * r1 - 0.2))
+    assert variance == pytest.approx(expected, rel=1e-6)
+
+
+def test_each_figure_holds_the_numbers_it_was_given(tmp_path):
     t = [trace(run=str(k), level=float(k), base=0.4 / k, corrected=0.01) for k in (1, 2, 4)]
     sign = np.repeat([1.0, -1.0], 50)
     moved = Balance(
         speed=sign, position=np.linspace(0, 1, 100), residual=5.0 * sign, speed_unit="rad/s", position_unit="rad",
         unit="N m", what="torque", told="",
     )  # fmt: skip
-    plots = [
-        figures.time_and_band(t[0], tmp_path / "time.png", corrected=True),
-        figures.against_frequency({"hammer": t[0]}, tmp_path / "frequency.png", corrected=False),
-        figures.against_level(t, tmp_path / "level.png", corrected=True),
-        figures.against_motion(moved, tmp_path / "motion.png"),
-    ]
-    for plot in plots:
-        assert plot.path.read_bytes().startswith(b"\x89PNG")
-    level = np.genfromtxt(tmp_path / "level.csv", delimiter=",", names=True)
-    assert list(level["linearacceleration_arm_True_base_error"]) == pytest.approx([0.4, 0.2, 0.1])
-    motion = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
-    assert np.all(motion["forward_residual"] == 5.0) and np.all(motion["reverse_residual"] == -5.0)
+    level = columns(figures.against_level(t, corrected=True))
+    assert list(level["base_held_out_error_percent_of_the_signal"]) == pytest.approx([40.0, 20.0, 10.0])
+    for chart in figures.against_motion(moved):
+        held = columns(chart)
+        assert np.all(held["forward_torque_N_m"] == 5.0) and np.all(held["reverse_torque_N_m"] == -5.0)
+        assert {s.mark for s in chart.panels[0].series} == {"o", "x"}  # told apart without colour
+    write_files(figures.time_and_band(t[0], corrected=True), tmp_path)
+    assert (tmp_path / "residual-hammer.png").read_bytes().startswith(b"\x89PNG")
+    table = np.genfromtxt(tmp_path / "residual-hammer.csv", delimiter=",", names=True)
+    assert np.nanmax(np.abs(table["1_recorded_m_s2"])) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_plot_that_the_channels_do_not_permit_names_what_is_missing():
+    for found in figures.against_motion("an angle at the motor"):
+        assert isinstance(found, Missing)
+    text = page("t", "v", [Section(heading="h", charts=figures.against_motion("an angle at the motor"))])
+    assert "Missing: an angle at the motor." in text
+
+
+def test_levels_are_cut_where_the_excitation_steps():
+    groups = level_groups(np.array([10.0, 1.0, 1.1, 9.5, 3.0]))
+    assert [set(g.tolist()) for g in groups] == [{1, 2}, {4}, {0, 3}]
+    assert len(level_groups(np.full(5, 2.0))) == 1
+    assert len(level_groups(2.0 ** np.arange(9.0))) == 4
+
+
+def test_the_usable_band_of_a_half_sine_ends_where_its_spectrum_is_a_tenth():
+    rate, length = 8192.0, 40.0 / 8192.0
+    force = np.zeros(8192)
+    n = 40
+    force[1000 : 1000 + n] = np.sin(np.pi * np.arange(n) / n)
+    _, end = usable_band((Hit("a", rate, force),))
+    x = end * length  # |F| ~ |cos(pi f T) / (1 - 4 f^2 T^2)|
+    assert abs(np.cos(np.pi * x) / (1.0 - 4.0 * x * x)) == pytest.approx(0.1, abs=0.02)
+
+
+def test_h1_of_records_is_the_filter_that_made_them_and_its_coherence_one():
+    generator = np.random.default_rng(1)
+    u = [np.concatenate([generator.normal(size=2048), np.zeros(2048)]) for _ in range(5)]
+    y = [sosfilt(butter(2, 60.0, fs=RATE, output="sos"), x) for x in u]
+    found = h1(u, y, RATE, 10**9)
+    expected = freqz_sos(butter(2, 60.0, fs=RATE, output="sos"), worN=found.frequency, fs=RATE)[1]
+    inside = found.frequency < 100.0
+    assert np.abs(found.h - expected)[inside].max() < 0.02
+    assert found.coherence[inside].min() > 0.999
+
+
+def test_what_turns_with_the_motor_lies_on_its_line_and_a_fixed_tone_does_not():
+    t = np.arange(int(20 * RATE)) / RATE
+    speed = np.linspace(0.2, 2.0, t.size)
+    angle = np.cumsum(speed) / RATE
+    ratio = 50.0
+    for tone, follows in ((np.sin(ratio * angle), True), (np.sin(2.0 * np.pi * 9.0 * t), False)):
+        speeds, frequencies, power = speed_map([(tone, speed, RATE)], 40.0)
+        w = 0.5 * (speeds[1:] + speeds[:-1])
+        ridge = frequencies[np.argmax(np.where(np.isnan(power), -1.0, power), axis=0)] + 1.0
+        seen = ~np.all(np.isnan(power), axis=0)
+        off = np.abs(ridge - ratio * w / (2.0 * np.pi))[seen]
+        assert bool(off.max() < 2.5) is follows
+
+
+@pytest.mark.parametrize("value", [
+    {"numerics": 0.01, "left_out": 0.6},
+    {"backlash@transmission": {"gap": {"value": 6e-5, "unit": "rad"}, "found": False}},
+    [{"item": "slow ramp", "expected_gain": 0.3}, {"item": "payload", "distance": None}],
+])  # fmt: skip
+def test_plain_data_of_any_shape_becomes_a_table(value):
+    table = tables.plain_table(value)
+    assert table is not None and all(len(row) == len(table.columns) for row in table.rows)
+    assert "{" not in str(table.rows)
+
+
+def test_outside_the_calibrated_range_the_ranking_says_so():
+    row = {"effects": ["backlash@transmission"], "probability": 0.9, "score": 3.0}
+    asked = answer("effects", effects=[PLAY | {"evidence": ""}]) | {"ranking": [row]}
+    assert "outside" in str(tables.ranking(asked | {"calibration": {"in_domain": False}}, sliding=False).notes)
+    assert "outside" not in str(tables.ranking(asked, sliding=False).notes)
 
 
 def test_markup_stands_in_the_page_as_it_is_and_text_is_escaped():
     text = page("t", "a < b", [Section(heading="h", text=("<x>",), markup="<svg></svg>")])
     assert "<svg></svg>" in text and "&lt;x&gt;" in text and "a &lt; b" in text
-    assert "http" not in text.replace("http-equiv", "")
+    assert not re.search(r"(src|href)=.?http", text)

@@ -1,0 +1,65 @@
+"""The same chart by matplotlib, for slides and papers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jointscope.experiments import plot_style
+from jointscope.experiments.charts.chart import Chart, Panel, Series, domain
+from jointscope.experiments.charts.looks import LOOKS
+
+_INCH = 100.0  # px
+
+
+def write_png(chart: Chart, path: Path) -> Path:
+    """Draw ``chart`` to ``path``."""
+    rows = -(-len(chart.panels) // chart.columns)
+    heights = [
+        max(p.height for p in chart.panels[r * chart.columns : (r + 1) * chart.columns]) for r in range(rows)
+    ]
+    with plot_style.style():
+        figure = Figure(figsize=(9.4, sum(heights) / _INCH + 0.3), layout="constrained")
+        axes = figure.subplots(rows, chart.columns, squeeze=False, height_ratios=heights)
+        for place, ax in enumerate(axes.ravel()):
+            if place < len(chart.panels):
+                _draw(ax, chart.panels[place])
+            else:
+                ax.set_visible(False)
+        return plot_style.save(figure, path)
+
+
+def _draw(ax: Axes, panel: Panel) -> None:
+    if panel.heat is not None:
+        heat = panel.heat
+        mesh = ax.pcolormesh(heat.x_edges, heat.y_edges, heat.value, cmap="Blues", rasterized=True)
+        ax.figure.colorbar(mesh, ax=ax, label=heat.unit)
+    for span in panel.spans:
+        ax.axvspan(span.low, span.high, color="#dfe8f1", alpha=0.6, lw=0, zorder=-3, label=span.label)
+    for s in panel.series:
+        _series(ax, s)
+    if panel.x_log:
+        ax.set_xscale("log")
+    if panel.y_log:
+        ax.set_yscale("log")
+    x, y = domain(panel)
+    ax.set_xlim(*(10.0 ** np.array(x) if panel.x_log else x))
+    ax.set_ylim(*(10.0 ** np.array(y) if panel.y_log else y))
+    ax.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
+    if 1 < len(panel.series) <= 8 or panel.spans:
+        ax.legend(fontsize=7)
+
+
+def _series(ax: Axes, s: Series) -> None:
+    look = LOOKS[s.look]
+    if s.low is not None:
+        ax.fill_between(s.x, s.low, s.y, color=look.light, alpha=0.45, lw=0, label=s.name)
+    elif s.mark:
+        fill = look.light if s.mark == "o" else "none"
+        ax.plot(s.x, s.y, s.mark, ms=3.2, mew=0.8, color=look.light, mfc=fill, label=s.name)
+    else:
+        line = (0, look.dash) if look.dash else "-"
+        ax.plot(s.x, s.y, ls=line, lw=0.8 * look.width, color=look.light, label=s.name)
