@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointscope.diagnosis.adjudicate import Comparison, Judged, compare
+from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
 from jointscope.diagnosis.intervals import Estimate, estimates
+from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
 
 if TYPE_CHECKING:
@@ -204,10 +206,11 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
             "model_left": decision.adequacy.model_left,
         },
         "parameters": base_parameters(problem, chosen, found),
-        "verdict_probability": round(decision.probability, 4),
+        **probability_json(diagnosis),
         "unknown_reason": decision.unknown_reason,
         "parameter_shift": parameter_shift(problem, chosen, found),
         **next_json(diagnosis),
+        "not_seen": unseen_json(diagnosis.not_seen),
         "noise": {
             "hit_gain": judgement.noise.gain,
             "hit_timing_s": judgement.noise.timing,
@@ -221,6 +224,22 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
     if held_out is None:
         answer["held_out_reason"] = diagnosis.split.reason
     return answer
+
+
+def probability_json(diagnosis: Diagnosis) -> dict[str, Any]:
+    """``verdict_probability``, calibrated where the campaign lies in the calibrated range, and ``calibration``."""
+    decision, found = diagnosis.decision, features(diagnosis)
+    kind = kind_of(decision.verdict, decision.unknown_reason)
+    known = calibrate(found, kind, decision.probability, learnt_map())
+    return {
+        "verdict_probability": round(known.probability, 4),
+        "calibration": {
+            "in_domain": known.in_domain,
+            "reason": known.reason,
+            "stated_probability": round(decision.probability, 4),
+            "features": found,
+        },
+    }
 
 
 def next_json(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.objective import Predict
+from jointscope.diagnosis.power import Unseen, unseen
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.split import Split, split_runs
@@ -41,6 +42,7 @@ class Diagnosis:
         places: Forces without a name, place by place, on top of the base.
         black_box: The best of them fitted: what flexibility alone buys.
         suggestion: The recording to make next, where one is needed.
+        not_seen: Effects that were not found, and the size that would have shown.
     """
 
     problem: Problem
@@ -52,6 +54,7 @@ class Diagnosis:
     places: Places
     black_box: Judged | None
     suggestion: Suggestion | None = None
+    not_seen: tuple[Unseen, ...] = ()
 
 
 def diagnose(
@@ -86,4 +89,7 @@ def diagnose(
         decision = with_unknown_force(judgement, decision, black_box)
     report("weighing what to record next")
     suggestion = suggest(problem, judgement, decision, pool)
-    return Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box, suggestion)
+    report("weighing what could not have been seen")
+    found = decision.chosen if decision.verdict == "effects" else judgement.base
+    missed = unseen(problem, judgement, found, specs, pool)
+    return Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box, suggestion, missed)

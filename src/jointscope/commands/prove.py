@@ -15,6 +15,12 @@ OUT holds
   judged.json    every case: what was true, what was said
   answers/       every diagnosis
 
+With --calibrate the map from stated to true probabilities is learnt from these answers and written; the diagnosis
+reads the one that was installed as jointscope/diagnosis/calibration.json.
+
+  jointscope conceal --seed 11 --cases 300 --draw calibration --out out/calibration
+  jointscope prove out/calibration --calibrate diagnosis/calibration.json
+
 How often the seal has been opened is counted beside it and printed on the page.
 """
 
@@ -34,6 +40,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=300.0, help="time limit of one case (default: 300)")
     parser.add_argument(
         "--scheduler", default=None, help="Dask scheduler, tcp://host:port, whose workers see DRAW"
+    )
+    parser.add_argument(
+        "--calibrate",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="learn the probability map and write it to FILE",
     )
     parser.add_argument("--json", action="store_true", help="print summary.json instead of the table")
 
@@ -55,6 +68,14 @@ def run(options: argparse.Namespace) -> int:
         first=options.limit,
         scheduler=options.scheduler,
     )
+    if options.calibrate is not None:
+        import sys
+
+        from jointscope.experiments.prove.calibrate import learn_map
+
+        learnt = learn_map(out, options.calibrate)
+        errors = ", ".join(f"{name} {value:.3f}" for name, value in learnt["calibration_error"].items())
+        print(f"learnt from {learnt['cases']} answers; calibration error {errors}", file=sys.stderr)
     if options.json:
         print(json.dumps(summary, indent=1, sort_keys=True))
         return 0
