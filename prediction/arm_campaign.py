@@ -45,7 +45,9 @@ def predict_mapped(
         else replace(read_map(map_file), model=Path(model).resolve())
     )
     if campaign.rig.topology != "arm":
-        yield from predict_campaign(mapped_base_model(found, campaign), campaign, declared=declared)
+        left_out = not_read(found)
+        for prediction in predict_campaign(mapped_base_model(found, campaign), campaign, declared=declared):
+            yield replace(prediction, notes=(*prediction.notes, *left_out))
         return
     arm = mapped_arm(found)
     names = {joint.campaign: joint for joint in found.joints}
@@ -111,6 +113,34 @@ def mapped_base_model(found: ModelMap, campaign: Campaign) -> BaseModel:
     )
 
 
+def not_read(found: ModelMap) -> tuple[str, ...]:
+    """What a single-joint MJCF holds that the two-inertia reading of it leaves out, a line each."""
+    model = mapped_arm(found).spec.compile()
+    joint = found.joints[0]
+    lines = []
+    for name in (joint.rotor, joint.link):
+        if name is None:
+            continue
+        at = model.joint(name)
+        dof, own = int(at.dofadr[0]), int(at.id)
+        if model.dof_frictionloss[dof] > 0.0:
+            lines.append(f"{name}: frictionloss {model.dof_frictionloss[dof]:g} N m")
+        for what, values in (("stiffness", model.jnt_stiffness[own]), ("damping", model.dof_damping[dof])):
+            further = np.ravel(values)[1:]
+            if np.any(further != 0.0):
+                lines.append(f"{name}: {what} beyond the linear term, {', '.join(f'{v:g}' for v in further)}")
+        if model.jnt_limited[own]:
+            lines.append(f"{name}: range")
+    if model.neq:
+        lines.append(f"{model.neq} equality constraint(s)")
+    friction = model.tendon_frictionloss[model.tendon_frictionloss > 0.0]
+    lines += [f"tendon frictionloss {value:g}" for value in friction]
+    return tuple(
+        f"{found.model.name}: not in this prediction, which reads inertia, stiffness, damping and gear: {line}"
+        for line in lines
+    )
+
+
 def _link_damping(spec: mujoco.MjSpec, link: str) -> float:
     """b_l [N m s/rad]: of a fixed tendon that adds rotor and reducer to the link's angle."""
     model = spec.compile()
@@ -126,7 +156,13 @@ def _link_damping(spec: mujoco.MjSpec, link: str) -> float:
 def _efficiency(spec: mujoco.MjSpec, actuator: str | None, nameplate: float | None, n: float) -> float:
     """eta: the actuator's gear over n where it takes shaft torque, else the nameplate's."""
     if actuator is not None:
-        ratio = abs(float(spec.actuator(actuator).gear[0])) / n
+        gear = float(spec.actuator(actuator).gear[0])
+        if gear < 0.0:
+            raise RefusedError(
+                f"{spec.modelname or 'the model'}: actuator {actuator} has gear {gear:g}: a positive torque turns its joint "
+                "backwards; turn the gear, or the axis and the map's sign"
+            )
+        ratio = gear / n
         if 0.3 < ratio <= 1.0 and not math.isclose(ratio, 1.0 / n):
             return ratio
     return 1.0 if nameplate is None else nameplate

@@ -59,6 +59,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--group", action="append", metavar="NAME", help="only claims of this group; may be repeated"
     )
+    parser.add_argument(
+        "--reuse", action="append", metavar="NAME", help="keep what an earlier call made; may be repeated"
+    )
     parser.add_argument("--json", action="store_true", help="print gates.json instead of the table")
 
 
@@ -80,7 +83,8 @@ def run(options: argparse.Namespace) -> int:
     needed = file.needed(gates)
     unmade: dict[str, str | None] = {}
     for make in track(needed, "making", len(needed)):
-        _make(file, make, made, unmade)
+        if make.name not in (options.reuse or ()) or not (made / make.name).exists():
+            _make(file, make, made, unmade)
     documents: dict[tuple[object, ...], dict[str, Any]] = {}
 
     def measured(gate: Gate) -> dict[str, Any]:
