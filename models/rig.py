@@ -60,15 +60,23 @@ def brake(spec: mujoco.MjSpec, angle: float) -> mujoco.MjSpec:
     if joint is None:
         raise InputError(held.modelname or "model", "joint", "has no joint named 'motor' to brake")
     _turn_children(joint.parent, joint, angle)
-    for tendon in [t for t in held.tendons if any(_wraps(wrap, "motor") for wrap in t.path)]:
-        _rewrap(held, tendon, angle)
-    for sensor in [s for s in held.sensors if s.objname == "motor" and s.objtype in _LOST_WITH_THE_MOTOR]:
-        held.delete(sensor)
-    for actuator in [a for a in held.actuators if a.target == "motor" and a.trntype == mujoco.mjtTrn.mjTRN_JOINT]:
-        held.delete(actuator)
-    held.delete(held.joint("motor"))
+    remove_joint(held, "motor", angle)
     held.comment = f"the motor is braked at {angle!r} rad"
     return held
+
+
+def remove_joint(spec: mujoco.MjSpec, name: str, angle: float) -> None:
+    """Take the joint ``name``, which stands at ``angle`` [rad], out of ``spec`` with its actuators and sensors.
+
+    Fixed tendons over it go on over their other joints; no body is turned.
+    """
+    for tendon in [t for t in spec.tendons if any(_wraps(wrap, name) for wrap in t.path)]:
+        _rewrap(spec, tendon, angle, name)
+    for sensor in [s for s in spec.sensors if s.objname == name and s.objtype in _LOST_WITH_THE_MOTOR]:
+        spec.delete(sensor)
+    for actuator in [a for a in spec.actuators if a.target == name and a.trntype == mujoco.mjtTrn.mjTRN_JOINT]:
+        spec.delete(actuator)
+    spec.delete(spec.joint(name))
 
 
 def _turn_children(body: mujoco.MjsBody, joint: mujoco.MjsJoint, angle: float) -> None:
@@ -95,13 +103,13 @@ def _wraps(wrap: mujoco.MjsWrap, joint: str) -> bool:
     return bool(wrap.type == mujoco.mjtWrap.mjWRAP_JOINT and wrap.target.name == joint)
 
 
-def _rewrap(spec: mujoco.MjSpec, old: mujoco.MjsTendon, angle: float) -> None:
+def _rewrap(spec: mujoco.MjSpec, old: mujoco.MjsTendon, angle: float, motor: str) -> None:
     """Replace a fixed tendon by one that no longer runs over the motor joint, which stands at ``angle`` [rad]."""
     name = old.name
-    lost = sum(wrap.coef for wrap in old.path if _wraps(wrap, "motor")) * angle
+    lost = sum(wrap.coef for wrap in old.path if _wraps(wrap, motor)) * angle
     vectors = {key: np.array(getattr(old, key)) for key in _TENDON_VECTORS}
     scalars = {key: getattr(old, key) for key in _TENDON_SCALARS}
-    kept = [(wrap.target.name, wrap.coef) for wrap in old.path if not _wraps(wrap, "motor")]
+    kept = [(wrap.target.name, wrap.coef) for wrap in old.path if not _wraps(wrap, motor)]
     for key in ("springlength", "range"):
         if not np.all(vectors[key] == (-1.0 if key == "springlength" else 0.0)):  # else left to the compiler
             vectors[key] = vectors[key] - lost

@@ -131,13 +131,13 @@ def replay_run(
         torque = logged_torque(campaign, run, physics.acquisition)
     else:
         torque = motor_torque(campaign, run)
-    held = _held(campaign, run, driven=torque is not None)
+    held = motor_held(campaign, run, driven=torque is not None)
     setup = _single(spec, campaign, run, held, timestep, physics) if single else set_up(
         spec, run.arm_angle, timestep, braked=held, physics=physics
     )  # fmt: skip
     setup = replace(setup, speeds=_speeds(setup, initial_speed(campaign, run)))
     origin = min((stream.start for stream in run.streams), default=0.0)
-    times = grid(_duration(run, origin, timestep), timestep)
+    times = grid(duration_of(run, origin, timestep), timestep)
 
     columns: dict[str, Real | float] = dict(_loads(setup, run, times + origin, physics))
     controller = None
@@ -150,7 +150,7 @@ def replay_run(
         columns["motor"] = logged
         controller = _controller(campaign, run, loop, setup, logged, hold, times + origin, physics, torque)
     trace = physics.sensed(take(setup, columns, len(times), controller))
-    return _with_outputs(campaign, run, trace, radii, origin, physics)
+    return with_outputs(campaign, run, trace, radii, origin, physics)
 
 
 def _replay_prescribed(
@@ -164,7 +164,7 @@ def _replay_prescribed(
 ) -> Run:
     """A run whose motor's or load's motion is an input."""
     origin = min((stream.start for stream in run.streams), default=0.0)
-    times = grid(_duration(run, origin, timestep), timestep) + origin
+    times = grid(duration_of(run, origin, timestep), timestep) + origin
     path = path_of(given, ratio(campaign))
     if campaign.rig.topology == "single-dof":
         trace = load_force(spec, path, times, timestep, physics)
@@ -177,10 +177,10 @@ def _replay_prescribed(
         raise RefusedError(
             f"run {run.id!r}: the arm's motion is prescribed on a two-inertia rig; replay needs the motor's, or its torque"
         )
-    return _with_outputs(campaign, run, physics.sensed(trace), radii, origin, physics)
+    return with_outputs(campaign, run, physics.sensed(trace), radii, origin, physics)
 
 
-def _held(campaign: Campaign, run: Run, *, driven: bool) -> bool:
+def motor_held(campaign: Campaign, run: Run, *, driven: bool) -> bool:
     """Whether the motor stands still: a brake, or a drive of which nothing was recorded."""
     hold = run.hold.get("", "drive")
     if run.brake or hold in _HELD:
@@ -230,7 +230,7 @@ def _speeds(setup: Setup, speed: float) -> Real | None:
     return speeds
 
 
-def _duration(run: Run, origin: float, timestep: float) -> float:
+def duration_of(run: Run, origin: float, timestep: float) -> float:
     """How long to simulate [s], so that every device's filter has its other half."""
     end = max(stream.start + stream.length / stream.sampling_rate for stream in run.streams)
     reach = max(Device(sampling_rate=stream.sampling_rate).reach(timestep) for stream in run.streams)
@@ -302,7 +302,7 @@ def _controller(
     )
 
 
-def _with_outputs(
+def with_outputs(
     campaign: Campaign, run: Run, trace: Trace, radii: dict[float, str], origin: float, physics: Physics
 ) -> Run:
     read = {

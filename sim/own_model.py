@@ -1,0 +1,525 @@
+r"""A user's own MJCF or URDF, unchanged, under a recorded run's inputs: what would this simulation have recorded?
+
+Nothing of the file is replaced: its step, integrator, solver, actuators and limits act as they stand. Only what the run
+did to the machine is done to the model too: the brake takes the motor's joint away, joints that the bench held are held,
+hammer and arm torque act as generalized forces, the drive's loop is closed where a speed was commanded.
+
+Two linear functions of the model's coordinates x stand for the joint: the arm's angle q and the motor's q_s = motor
+angle / n, both as the campaign counts them (``OwnJoint.sign``, ``zero_offset``). Speeds and accelerations are central
+differences of the angles, second order in time for every integrator; an input is given to a step as its value in the
+middle of the force's action, t_k for the leapfrog kind (Euler, implicit, discrete) and t_k + h/2 for RK4.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+from numpy.typing import NDArray
+
+from jointscope.errors import InputError, RefusedError
+from jointscope.models.rig import remove_joint
+from jointscope.recordings.campaign import Campaign, Run
+from jointscope.sim.equilibrium import EquilibriumError
+from jointscope.sim.physics import BASE, Physics
+from jointscope.sim.replay import duration_of, motor_held, with_outputs
+from jointscope.sim.replay_inputs import (
+    LoggedLoop,
+    Torque,
+    arm_forces,
+    hammer_radius,
+    initial_speed,
+    logged_torque,
+    record_of,
+    speed_law,
+)
+from jointscope.sim.replay_outputs import ratio
+from jointscope.sim.replay_prescribed import prescribed
+from jointscope.sim.stepping import Controller, ForceLaw, Trace, begin, grid
+
+Real = NDArray[np.float64]
+
+_FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_INPUTS = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+_DIFFERENCE = 1e-7  # rad or m
+_BALANCED = 1e-6  # N m or N
+_PARALLEL = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnJoint:
+    """Which of a model's joints play motor and load.
+
+    Attributes:
+        link: Joint of the arm or carriage; behind a spring its coordinate counts from the rotor.
+        rotor: Joint of the motor side; ``None`` where the model's joint is rigid.
+        rotor_ratio: Turns of the rotor's coordinate per output turn: 1 where the model is written at the output, n
+            where its rotor spins at motor speed.
+        actuator: What drives it; ``None``: the torque is applied to the coordinate.
+        torque: The control is N m on the motor shaft ("motor"), or at the joint output, efficiency taken off ("output").
+        control: What the actuator is told: the logged torque, or the commanded speed or its integral.
+        sensor_site: Where the accelerometer sits.
+        sign, zero_offset: Model angle = sign * campaign angle + zero_offset.
+        hold: Angle at which every further joint of the model is held, by name [rad or m]; joints that neither this
+            nor the map names are free.
+    """
+
+    link: str
+    rotor: str | None = None
+    rotor_ratio: float = 1.0
+    actuator: str | None = None
+    torque: Literal["motor", "output"] = "output"
+    control: Literal["torque", "velocity", "position"] = "torque"
+    sensor_site: str | None = None
+    sign: int = 1
+    zero_offset: float = 0.0
+    hold: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class OwnSystem:
+    """A compiled model and the joint in it.
+
+    Attributes:
+        arm, motor, sensor: dq/dx, dq_s/dx and the rotation that the accelerometer rides on, over the model's
+            coordinates, shape (nv,); ``motor`` is zero with the brake on.
+        zero: Model's angle at the campaign's zero [rad or m].
+        held: q_s at which the brake closed, in place of ``motor`` [rad or m].
+    """
+
+    model: mujoco.MjModel
+    arm: Real
+    motor: Real
+    sensor: Real
+    zero: float
+    held: float = 0.0
+
+    @property
+    def timestep(self) -> float:
+        """h [s]."""
+        return float(self.model.opt.timestep)
+
+    @property
+    def late(self) -> float:
+        """By how much of a step after t_k an input is taken [-]."""
+        return 0.5 if self.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4) else 0.0
+
+
+def load_own(path: Path) -> mujoco.MjSpec:
+    """The file as an editable model.
+
+    Raises:
+        InputError: There is none, or MuJoCo can't read it.
+    """
+    if not Path(path).is_file():
+        raise InputError(path, None, "no such model")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compile()
+    except ValueError as problem:
+        raise InputError(path, None, f"not a model that MuJoCo can read: {problem}") from None
+    return spec
+
+
+def own_system(spec: mujoco.MjSpec, joint: OwnJoint, *, brake: Real | None = None) -> OwnSystem:
+    """Compile a copy of ``spec`` with every joint held that the bench held.
+
+    Args:
+        spec: The user's model.
+        joint: Which joint is which.
+        brake: All coordinates of the model without a brake [rad or m], where the motor is held at its own.
+
+    Raises:
+        InputError: A joint, actuator or site is not in the model, or is of a kind that can't play its part.
+    """
+    spec = spec.copy()
+    _check(spec, joint)
+    for name, angle in joint.hold.items():
+        _hold(spec, name, angle)
+    model = spec.compile()
+    free = _functions(model, joint)
+    if brake is None or joint.rotor is None:
+        return free
+    rotor = int(model.joint(joint.rotor).dofadr[0])
+    _hold(spec, joint.rotor, float(brake[rotor]))
+    held = spec.compile()
+    keep = [k for k in range(model.nv) if k != rotor]
+    q_s = joint.sign * (float(free.motor @ brake) * joint.sign - free.zero)
+    return OwnSystem(held, free.arm[keep], np.zeros(len(keep)), free.sensor[keep],
+                     free.zero - joint.sign * float(free.arm[rotor] * brake[rotor]), q_s)  # fmt: skip
+
+
+def _check(spec: mujoco.MjSpec, joint: OwnJoint) -> None:
+    where = spec.modelname or "model"
+    for kind, name, found in (
+        ("link", joint.link, spec.joint(joint.link)),
+        ("rotor", joint.rotor, joint.rotor is None or spec.joint(joint.rotor)),
+        ("actuator", joint.actuator, joint.actuator is None or spec.actuator(joint.actuator)),
+        ("sensor_site", joint.sensor_site, joint.sensor_site is None or spec.site(joint.sensor_site)),
+        *(("hold", name, spec.joint(name)) for name in joint.hold),
+    ):
+        if not found:
+            raise InputError(where, kind, "is not in the model", value=name)
+    straight = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    for one in spec.joints:
+        if one.type not in straight and one.name not in joint.hold:
+            raise InputError(
+                where, f"joint {one.name or '(unnamed)'}", "is neither a hinge nor a slide", fix="fix the robot's base"
+            )
+
+
+def _hold(spec: mujoco.MjSpec, name: str, angle: float) -> None:
+    """Take a joint away with its body where it stands at ``angle``."""
+    joint = spec.joint(name)
+    body, axis = joint.parent, np.asarray(joint.axis, dtype=float)
+    axis = axis / np.linalg.norm(axis)
+    if joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
+        moved = np.zeros(3)
+        mujoco.mju_rotVecQuat(moved, axis * angle, np.asarray(body.quat, dtype=float))
+        body.pos = np.asarray(body.pos, dtype=float) + moved
+    elif joint.type == mujoco.mjtJoint.mjJNT_HINGE and angle != 0.0:
+        turn, turned = np.zeros(4), np.zeros(4)
+        mujoco.mju_axisAngle2Quat(turn, axis, angle)
+        mujoco.mju_mulQuat(turned, np.asarray(body.quat, dtype=float), turn)
+        anchor, before, after = np.asarray(joint.pos, dtype=float), np.zeros(3), np.zeros(3)
+        mujoco.mju_rotVecQuat(before, anchor, np.asarray(body.quat, dtype=float))
+        mujoco.mju_rotVecQuat(after, anchor, turned)
+        body.quat, body.pos = turned, np.asarray(body.pos, dtype=float) + before - after
+    remove_joint(spec, name, angle)
+
+
+def _functions(model: mujoco.MjModel, joint: OwnJoint) -> OwnSystem:
+    """q, q_s and the accelerometer's rotation as functions of the coordinates."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    link = int(model.joint(joint.link).id)
+    arm, motor = np.zeros(model.nv), np.zeros(model.nv)
+    arm[model.jnt_dofadr[link]] = joint.sign
+    if joint.rotor is None:
+        motor = arm.copy()
+    else:
+        rotor = int(model.joint(joint.rotor).id)
+        motor[model.jnt_dofadr[rotor]] = joint.sign / joint.rotor_ratio
+        if _carries(model, rotor, link):
+            along = float(data.xaxis[rotor] @ data.xaxis[link])
+            if abs(abs(along) - 1.0) > _PARALLEL:
+                raise InputError(joint.rotor, "rotor", f"its axis is not that of joint {joint.link!r}, which it carries")
+            arm[model.jnt_dofadr[rotor]] = joint.sign
+            arm[model.jnt_dofadr[link]] = joint.sign * np.sign(along)
+    return OwnSystem(model, arm, motor, _sensor(model, data, joint, arm, link), joint.zero_offset)
+
+
+def _carries(model: mujoco.MjModel, rotor: int, link: int) -> bool:
+    """Whether the link's joint moves with the rotor's."""
+    body = int(model.jnt_bodyid[link])
+    while body > 0:
+        if body == int(model.jnt_bodyid[rotor]):
+            return rotor < link or body != int(model.jnt_bodyid[link])
+        body = int(model.body_parentid[body])
+    return False
+
+
+def _sensor(model: mujoco.MjModel, data: mujoco.MjData, joint: OwnJoint, arm: Real, link: int) -> Real:
+    """The rotation whose acceleration times the radius the sensor reads: the arm's, and that of any bending joint."""
+    if joint.sensor_site is None or model.nv <= np.count_nonzero(arm) or model.jnt_type[link] != 3:
+        return arm
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian, None, model.site(joint.sensor_site).id)
+    own = jacobian[:, model.jnt_dofadr[link]]
+    if float(own @ own) < 1e-12:
+        return arm
+    weight = own @ jacobian / float(own @ own) * arm[model.jnt_dofadr[link]]
+    return np.where(arm != 0.0, arm, np.where(np.abs(weight) > 1e-9, weight, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class OwnRest:
+    """Coordinates at rest [rad or m], shape (nv,), and what holds them there on q_s [N m or N]."""
+
+    x: Real
+    torque: float
+
+
+def own_rest(system: OwnSystem, sign: int, arm_angle: float) -> OwnRest:
+    """Newton's method on the static forces, the arm at ``arm_angle``; dry friction and limits are left out.
+
+    Raises:
+        EquilibriumError: No rest was found.
+    """
+    model = copy.copy(system.model)
+    model.dof_frictionloss[:] = 0.0
+    model.tendon_frictionloss[:] = 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT | mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(model)
+    generalized = _drive_on(system)
+
+    def imbalance(unknown: Real) -> Real:
+        data.qpos[:], data.qvel[:], data.ctrl[:] = unknown[:-1], 0.0, 0.0
+        mujoco.mj_forward(model, data)
+        force = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias + data.qfrc_constraint
+        off = float(system.arm @ unknown[:-1]) - sign * system.zero - arm_angle
+        return np.append(force + generalized * unknown[-1], off * 1e6)
+
+    unknown = np.append(system.arm / float(system.arm @ system.arm) * (arm_angle + sign * system.zero), 0.0)
+    if np.any(system.motor):  # an unwound joint: the rotor where the arm is
+        lead = np.flatnonzero(system.motor)[0]
+        unknown[:-1] = 0.0
+        unknown[lead] = (arm_angle + sign * system.zero) / system.motor[lead]
+        left = arm_angle + sign * system.zero - float(system.arm @ unknown[:-1])
+        rest = system.arm.copy()
+        rest[lead] = 0.0
+        if np.any(rest):
+            unknown[:-1] += rest / float(rest @ rest) * left
+    residual = imbalance(unknown)
+    for _ in range(60):
+        if np.abs(residual).max() < 1e-3 * _BALANCED:
+            break
+        columns = [(imbalance(unknown + step) - residual) / _DIFFERENCE for step in np.eye(unknown.size) * _DIFFERENCE]
+        unknown = unknown - np.linalg.lstsq(np.column_stack(columns), residual, rcond=None)[0]
+        residual = imbalance(unknown)
+    if not np.abs(residual).max() < _BALANCED * max(1.0, abs(unknown[-1])):
+        raise EquilibriumError(
+            f"arm angle {arm_angle:.4g}: no rest of this model found, {np.abs(residual).max():.3g} N m stay unbalanced"
+        )
+    return OwnRest(unknown[:-1], float(unknown[-1]))
+
+
+def _drive_on(system: OwnSystem) -> Real:
+    """Generalized force of a unit torque on q_s, or on q where the motor does not move, shape (nv,)."""
+    return np.where(np.any(system.motor), system.motor, system.arm)
+
+
+def turning(system: OwnSystem) -> float:
+    """+1 where a positive torque on the motor's coordinate is positive in the campaign's terms, else -1."""
+    lead = system.motor if np.any(system.motor) else system.arm
+    return float(np.sign(lead[np.flatnonzero(lead)[0]]))
+
+
+def own_run(
+    campaign: Campaign,
+    run: Run,
+    spec: mujoco.MjSpec,
+    joint: OwnJoint,
+    *,
+    physics: Physics = BASE,
+    loop: LoggedLoop | None = None,
+) -> Run:
+    """The run as ``spec`` would have recorded it: its output channels, without noise.
+
+    Args:
+        campaign: Of its nameplate and this run the inputs, the hold and ``arm_angle`` are read.
+        run: One of its runs.
+        spec: The user's model (:func:`load_own`); it is not changed.
+        joint: Which joint is which.
+        physics: Laws and instruments beyond the model; its ``edit`` and ``law`` see the model's own names.
+        loop: Closes the drive's speed loop in runs with a speed command.
+
+    Raises:
+        InputError: A name is not in the model.
+        RefusedError: The run is of a kind that is not stepped.
+    """
+    if campaign.rig.topology == "arm":
+        raise RefusedError(f"{campaign.path}: --model takes a single joint's campaign, not topology = 'arm'")
+    if prescribed(run) is not None:
+        raise RefusedError(f"run {run.id!r}: its motion is prescribed; a user's model is stepped by force or torque")
+    spec = spec.copy()
+    physics.edit(spec)
+    torque = logged_torque(campaign, run, physics.acquisition)
+    system = own_system(spec, joint)
+    rest = own_rest(system, joint.sign, run.arm_angle)
+    held = motor_held(campaign, run, driven=torque is not None)
+    single = campaign.rig.topology == "single-dof"
+    grounded = campaign.rig.ground_spring if campaign.rig.ground_spring is not None else held
+    origin = min((stream.start for stream in run.streams), default=0.0)
+    times = grid(duration_of(run, origin, system.timestep), system.timestep)
+    if held and not single:
+        if joint.rotor is None:
+            return _read(campaign, run, _still(system, run, times, joint), origin, physics)
+        kept = np.delete(rest.x, np.flatnonzero(system.motor))
+        system, rest = own_system(spec, joint, brake=rest.x), OwnRest(kept, 0.0)
+    trace = _step_run(campaign, run, system, joint, rest, times, origin, physics, loop, torque,
+                      held=held, reaction=rest.torque if single and grounded else 0.0)  # fmt: skip
+    return _read(campaign, run, trace, origin, physics)
+
+
+def _step_run(
+    campaign: Campaign, run: Run, system: OwnSystem, joint: OwnJoint, rest: OwnRest, times: Real, origin: float,
+    physics: Physics, loop: LoggedLoop | None, torque: Torque | None, *, held: bool, reaction: float,
+) -> Trace:  # fmt: skip
+    model, n = system.model, ratio(campaign)
+    at = times + origin + system.late * system.timestep
+    hammer, arm_torque = arm_forces(run, at, physics.acquisition)
+    load = hammer * (hammer_radius(run) or 1.0) + arm_torque
+    applied = np.outer(load, system.arm) + reaction * _drive_on(system)
+    control = np.zeros((len(times), model.nu))
+    driven = not held and (torque is not None or bool(run.select("speed-command", role="input")))
+    eta = 1.0 if campaign.rig.efficiency is None else campaign.rig.efficiency
+    per_control = 1.0 if joint.torque == "motor" else eta * n
+    logged = torque(at) if torque is not None else np.full(len(times), rest.torque / (eta * n))
+    place = _Place(-1 if joint.actuator is None or not driven else int(model.actuator(joint.actuator).id),
+                   turning(system) * per_control, _drive_on(system) * eta * n)  # fmt: skip
+    controller = None
+    if driven:
+        if joint.control != "torque":
+            _command(run, control, system, joint, rest, at, place.actuator, n)
+            applied = applied + rest.torque * _drive_on(system)
+        else:
+            controller = _controller(run, loop, system, joint, rest, logged, at, n, eta, physics, torque is not None)
+            if controller is None and torque is None:
+                raise RefusedError(f"run {run.id!r}: a speed command without torque needs the drive's law")
+            if controller is None:
+                place.put(control, applied, logged)
+    speed = initial_speed(campaign, run)
+    lead = system.motor if np.any(system.motor) else system.arm
+    start_speed = np.zeros(model.nv)
+    if speed:
+        k = int(np.flatnonzero(lead)[0])
+        start_speed[k] = speed / lead[k]
+    law = physics.law(model) if physics.law else None
+    if controller is None and law is None:
+        path = _roll(model, rest.x, start_speed, control, applied)
+    else:
+        path, logged = _march(system, rest.x, start_speed, control, applied, controller, law, place, joint, logged)
+    return _trace(system, joint, path, rest.x - system.timestep * start_speed, times, run, logged if driven else None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where a motor torque T_e goes: an actuator's control, or the coordinates themselves."""
+
+    actuator: int
+    per_torque: float
+    generalized: Real
+
+    def put(self, control: Real, applied: Real, torque: Real) -> None:
+        """Write T_e [N m], shape (n,), into the inputs."""
+        if self.actuator >= 0:
+            control[:, self.actuator] = self.per_torque * torque
+        else:
+            applied += np.outer(torque, self.generalized)
+
+
+def _command(
+    run: Run, control: Real, system: OwnSystem, joint: OwnJoint, rest: OwnRest, at: Real, actuator: int, n: float
+) -> None:
+    commands = run.select("speed-command", role="input")
+    if not commands or actuator < 0:
+        raise RefusedError(
+            f"run {run.id!r}: control = {joint.control!r} needs a speed-command channel and an actuator to give it to"
+        )
+    rotor = joint.rotor_ratio if joint.rotor is not None else 1.0
+    speed = joint.sign * rotor * record_of(commands[0])(at) / n
+    if joint.control == "velocity":
+        control[:, actuator] = speed
+        return
+    start = float(np.abs(rotor) * system.motor @ rest.x) * joint.sign
+    control[:, actuator] = start + np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * system.timestep
+
+
+def _controller(
+    run: Run, loop: LoggedLoop | None, system: OwnSystem, joint: OwnJoint, rest: OwnRest, logged: Real, at: Real,
+    n: float, eta: float, physics: Physics, recorded: bool,
+) -> Controller | None:  # fmt: skip
+    commands = run.select("speed-command", role="input")
+    if loop is None or not commands or not np.any(system.motor):
+        return None
+    record = physics.acquisition.acted(commands[0], record_of(commands[0]))
+    return speed_law(
+        loop, logged, record(at), record(at, 1), ratio=n, start_angle=float(system.motor @ rest.x),
+        first=float(logged[0]) if recorded else rest.torque / (eta * n), share=loop.share if recorded else 1.0,
+        timestep=system.timestep,
+    )  # fmt: skip
+
+
+def _roll(model: mujoco.MjModel, start: Real, speeds: Real, control: Real, applied: Real) -> Real:
+    """Coordinates at t_0 ... t_n, shape (n + 1, nv)."""
+    data = begin(model, start, speeds)
+    state = np.empty(mujoco.mj_stateSize(model, _FULL))
+    mujoco.mj_getState(model, data, state, _FULL)
+    inputs = np.hstack([control, applied])
+    states, _ = rollout.rollout(model, data, state[np.newaxis], inputs[np.newaxis], control_spec=_INPUTS)
+    return np.vstack([start, states[0][:, 1 : 1 + model.nq]])
+
+
+def _march(
+    system: OwnSystem, start: Real, speeds: Real, control: Real, applied: Real, controller: Controller | None,
+    law: ForceLaw | None, place: _Place, joint: OwnJoint, logged: Real,
+) -> tuple[Real, Real]:  # fmt: skip
+    """Step by step, for what reacts to the motion: coordinates, shape (n + 1, nv), and the torque that acted."""
+    model, h, steps = system.model, system.timestep, len(applied)
+    data = begin(model, start, speeds)
+    path, acted = np.empty((steps + 1, model.nq)), logged.copy()
+    path[0] = start
+    lead = system.motor
+    for k in range(steps):
+        if controller is not None:
+            acted[k] = controller(k * h, float(lead @ data.qpos))
+            if place.actuator >= 0:
+                control[k, place.actuator] = place.per_torque * acted[k]
+            else:
+                applied[k] += acted[k] * place.generalized
+        data.ctrl[:] = control[k]
+        data.qfrc_applied[:] = applied[k]
+        if law is not None:
+            data.qfrc_applied[:] += law(k * h, data.qpos, data.qvel + (0.5 * h) * data.qacc)
+        mujoco.mj_step(model, data)
+        path[k + 1] = data.qpos
+    return path, acted
+
+
+def _trace(
+    system: OwnSystem, joint: OwnJoint, path: Real, before: Real, times: Real, run: Run, torque: Real | None
+) -> Trace:
+    """Angles, and by central differences speeds and accelerations, at t_0 ... t_{n-1}."""
+    signals: dict[str, Real] = {}
+    around = np.vstack([before, path])
+    for name, function in (("arm", system.arm), ("motor", system.motor), ("sensor", system.sensor)):
+        angle = around @ function - joint.sign * system.zero
+        if name == "motor" and not np.any(function):
+            angle = np.full(len(around), system.held)
+        signals[f"{name} angle"] = angle[1:-1]
+        signals[f"{name} speed"] = (angle[2:] - angle[:-2]) / (2.0 * system.timestep)
+        signals[f"{name} acceleration"] = np.diff(angle, 2) / system.timestep**2
+    gravity = float(np.linalg.norm(system.model.opt.gravity))
+    for radius, name in accelerometers(run).items():
+        q, v, a = (signals[f"sensor {kind}"] for kind in ("angle", "speed", "acceleration"))
+        q = signals["arm angle"] if np.any(system.sensor != system.arm) else q
+        tangential, radial = radius * a + gravity * np.cos(q), gravity * np.sin(q) - radius * v**2
+        signals[name] = np.column_stack([radial, np.zeros_like(q), tangential])
+    return Trace(times=times, inputs={} if torque is None else {"motor": torque}, signals=signals)
+
+
+def accelerometers(run: Run) -> dict[float, str]:
+    """A name for every radius [m] at which an accelerometer of the run sits."""
+    outputs = run.select("linear-acceleration", role="output", recorded=False)
+    radii = sorted({s.channel.radius for s in outputs if s.channel.radius is not None})
+    return {radius: f"accelerometer {k}" for k, radius in enumerate(radii, 1)}
+
+
+def _still(system: OwnSystem, run: Run, times: Real, joint: OwnJoint) -> Trace:
+    """A rigid joint on the brake."""
+    x = np.zeros((len(times) + 1, system.model.nv))
+    lead = int(np.flatnonzero(system.arm)[0])
+    x[:, lead] = (run.arm_angle + joint.sign * system.zero) / system.arm[lead]
+    return _trace(system, joint, x, x[0], times, run, None)
+
+
+def _read(campaign: Campaign, run: Run, trace: Trace, origin: float, physics: Physics) -> Run:
+    horizontal = campaign.rig.plane == "horizontal"
+    if horizontal:  # gravity is across the sensor's axis
+        trace = replace(trace, signals={**trace.signals, **_without_weight(trace, run)})
+    return with_outputs(campaign, run, physics.sensed(trace), accelerometers(run), origin, physics)
+
+
+def _without_weight(trace: Trace, run: Run) -> dict[str, Real]:
+    found = {}
+    for radius, name in accelerometers(run).items():
+        v, a = trace.signals["sensor speed"], trace.signals["sensor acceleration"]
+        found[name] = np.column_stack([-radius * v**2, np.zeros_like(v), radius * a])
+    return found
