@@ -11,8 +11,10 @@ from importlib.resources import files
 from pathlib import Path
 
 from jointscope.experiments.charts.chart import Chart, Missing
-from jointscope.experiments.charts.svg import chart_markup, look_colours, look_rules
+from jointscope.experiments.charts.svg import MOST_POINTS, chart_markup, look_colours, look_rules
 
+_POINTS = 200_000  # of all lines of a page: about 1.6 MB
+_FEWEST = 400  # of one line: a screen's width shows no more
 _LIGHT = (
     "--ink:#1c2430;--quiet-ink:#566070;--quiet-line:#7b8694;--paper:#fdfdfc;--line:#dde2e8;--edge:#97a1ae;--mark:#1f4e79;"
     "--wash:#f1f4f7;--focus:#c2410c;--span:#1f4e7914;--heat:#0b3c6f;--lit:#c2410c;--lit-wash:#f59e0b;"
@@ -84,13 +86,16 @@ def page(title: str, first: FirstScreen | str, sections: Sequence[Section]) -> s
         first: The first screen, or its verdict alone.
         sections: The evidence.
     """
+    lines = sum(len(panel.series) for section in sections for c in (*section.charts, *section.tabs)
+                if isinstance(c, Chart) for panel in c.panels)  # fmt: skip
+    most = min(MOST_POINTS, max(_FEWEST, _POINTS // max(lines, 1)))
     shown = FirstScreen(verdict=first) if isinstance(first, str) else first
     body = [f"<header><h1>{html.escape(title)}</h1></header>", *_first(shown)]
     if len(sections) > 3:
         links = (f'<a href="#{_anchor(s.heading)}">{html.escape(s.heading)}</a>' for s in sections)
         body.append(f'<nav aria-label="Contents">{" ".join(links)}</nav>')
     body.append("<main>")
-    body += [_section(section) for section in sections]
+    body += [_section(section, most) for section in sections]
     body.append("</main>")
     return (
         '<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
@@ -132,18 +137,18 @@ def _anchor(heading: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-")
 
 
-def _section(section: Section) -> str:
+def _section(section: Section, most: int) -> str:
     parts = [f'<h2 id="{_anchor(section.heading)}">{html.escape(section.heading)}</h2>']
     parts += [f"<p>{html.escape(sentence)}</p>" for sentence in section.text]
     if section.markup:
         parts.append(section.markup)
     if section.table is not None:
         parts.append(_table(section.table))
-    parts += [_chart(chart) for chart in section.charts]
+    parts += [_chart(chart, most) for chart in section.charts]
     if section.tabs:
         tabs = (
             f'<section class="tab" id="tab-{_anchor(section.heading)}-{k}" data-label="{html.escape(tab.label)}">'
-            f"<h3>{html.escape(tab.label)}</h3>{_chart(tab)}</section>"
+            f"<h3>{html.escape(tab.label)}</h3>{_chart(tab, most)}</section>"
             for k, tab in enumerate(section.tabs)
         )
         parts.append(f'<div class="tabs">{"".join(tabs)}</div>')
@@ -152,12 +157,12 @@ def _section(section: Section) -> str:
     return "\n".join(parts)
 
 
-def _chart(chart: Chart | Missing) -> str:
+def _chart(chart: Chart | Missing, most: int) -> str:
     if isinstance(chart, Missing):
         return (
             f'<p class="missing">{html.escape(chart.label)}: not drawn. Missing: {html.escape(chart.channel)}.</p>'
         )
-    return chart_markup(chart)
+    return chart_markup(chart, most)
 
 
 def _table(table: Table) -> str:

@@ -15,19 +15,23 @@ _PACKAGES = ("numpy", "scipy", "mujoco")
 _MOST = 400  # files listed
 
 
-def provenance_section(source: Path | None, command: str, *, seed: int | None = None) -> Section:
+def provenance_section(
+    source: Path | None, command: str, *, seed: int | None = None, further: tuple[tuple[str, str], ...] = ()
+) -> Section:
     """The page's last section.
 
     Args:
         source: Folder or file that was read; None where everything was simulated.
         command: What was run, folders by name only.
         seed: Of every random draw, where there were any.
+        further: Names and hashes of other files that were read.
     """
     rows = [("jointscope", __version__), ("python", platform.python_version())]
     rows += [(name, found) for name in _PACKAGES if (found := _version(name)) is not None]
     rows.append(("command", command))
     if seed is not None:
         rows.append(("seed", str(seed)))
+    rows += further
     if source is not None:
         said = _title_and_notes(source)
         rows += said

@@ -24,18 +24,16 @@ SHADES = 10  # steps of a map
 _GAP = 14  # [px] between columns
 
 
-def chart_markup(chart: Chart, *, links: bool = True) -> str:
-    """The figure with legend, caption and the names of its files."""
+def chart_markup(chart: Chart, most: int = MOST_POINTS) -> str:
+    """The figure with legend, caption and the names of its files; ``most`` points of any one line."""
     width = (WIDE - _GAP * (chart.columns - 1)) // chart.columns
     names = list(dict.fromkeys(s.name for panel in chart.panels for s in panel.series))
     looks = {s.name: s for panel in reversed(chart.panels) for s in reversed(panel.series)}
-    panels = "".join(_panel(panel, width, names, chart.label) for panel in chart.panels)
+    panels = "".join(_panel(panel, width, names, chart.label, most) for panel in chart.panels)
     legend = "".join(_key(name, names.index(name), looks[name]) for name in names) if len(names) > 1 else ""
     files = (
         f' <span class="files">Numbers: <a href="{chart.stem}.csv">{chart.stem}.csv</a>, '
         f'picture: <a href="{chart.stem}.png">{chart.stem}.png</a>.</span>'
-        if links
-        else ""
     )
     return (
         f'<figure class="chart" id="{html.escape(chart.stem)}"><div class="legend">{legend}</div>'
@@ -55,7 +53,7 @@ def _key(name: str, index: int, series: Series) -> str:
     )
 
 
-def _panel(panel: Panel, width: int, names: list[str], label: str) -> str:
+def _panel(panel: Panel, width: int, names: list[str], label: str, most: int) -> str:
     x, y = domain(panel)
     w, h = width - LEFT - RIGHT, panel.height - TOP - BOTTOM
     lines, marks = [], []
@@ -71,9 +69,9 @@ def _panel(panel: Panel, width: int, names: list[str], label: str) -> str:
             marks.append(f'<path {tag} class="s {s.look} m{s.mark}" d="{_marks(u * w, v * h, s.mark)}"/>')
         elif s.low is not None:
             floor = 1.0 - _unit(coordinates(s.low, panel.y_log), y)
-            lines.append(f'<path {tag} class="s {s.look} fill" d="{_area(u, v, floor)}"/>')
+            lines.append(f'<path {tag} class="s {s.look} fill" d="{_area(u, v, floor, most)}"/>')
         else:
-            lines.append(f'<path {tag} class="s {s.look}" d="{_line(u, v)}"/>')
+            lines.append(f'<path {tag} class="s {s.look}" d="{_line(u, v, most)}"/>')
     told = html.escape(f"{label}: {panel.title}; {panel.y_label} against {panel.x_label}")
     return (
         f'<svg class="panel" viewBox="0 0 {width} {panel.height}" width="{width}" height="{panel.height}" tabindex="0" '
@@ -115,12 +113,12 @@ def _whole(u: Vector) -> NDArray[np.int64]:
     return np.asarray(np.rint(FULL * np.clip(u, -3.0, 4.0)), dtype=np.int64)
 
 
-def _line(u: Vector, v: Vector) -> str:
+def _line(u: Vector, v: Vector, most: int) -> str:
     """Runs of finite points as relative moves."""
     good = np.isfinite(u) & np.isfinite(v)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
     pieces = []
-    share = MOST_POINTS / max(int(np.count_nonzero(good)), MOST_POINTS)
+    share = most / max(int(np.count_nonzero(good)), most)
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         a, b = thinned(u[first:last], v[first:last], max(4, int(share * (last - first))))
         pieces.append(_moves(_whole(a), _whole(b)))
@@ -145,11 +143,11 @@ def thinned(u: Vector, v: Vector, most: int) -> tuple[Vector, Vector]:
     return u[index], v[index]
 
 
-def _area(u: Vector, top: Vector, floor: Vector) -> str:
+def _area(u: Vector, top: Vector, floor: Vector, most: int) -> str:
     """Between two edges; an edge off a logarithmic axis runs along the bottom."""
     good = np.isfinite(u) & np.isfinite(top)
     u, top, floor = u[good], top[good], np.where(np.isfinite(floor[good]), floor[good], 1.0)
-    step = max(1, -(-u.size // (MOST_POINTS // 2)))
+    step = max(1, -(-u.size // (most // 2)))
     u, top, floor = u[::step], top[::step], floor[::step]
     if not u.size:
         return ""

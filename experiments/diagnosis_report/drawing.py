@@ -37,6 +37,7 @@ STYLE = """<style>.jd text{font:13px system-ui,sans-serif;fill:var(--ink);text-a
 .jd .part{fill:var(--wash);stroke:var(--quiet-line);stroke-width:1.5}
 .jd .wire{fill:none;stroke:var(--quiet-line);stroke-width:1.3}
 .jd .dots{stroke-dasharray:4 3}.jd .lit{stroke:var(--lit);stroke-width:4;fill:url(#hatch)}.jd .maybe{stroke-dasharray:9 5}
+.jd .value{font-weight:600;paint-order:stroke;stroke:var(--paper);stroke-width:4px}
 .jd .label{font-weight:700;paint-order:stroke;stroke:var(--paper);stroke-width:4px}</style>
 <defs><pattern id="hatch" width="9" height="9" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">
 <rect width="9" height="9" style="fill:var(--lit-wash);fill-opacity:.25"/>
@@ -44,7 +45,15 @@ STYLE = """<style>.jd text{font:13px system-ui,sans-serif;fill:var(--ink);text-a
 </pattern></defs>"""
 
 
-def joint_drawing(lit: Mapping[str, str], *, topology: str, motion: str, spring: bool, sure: bool) -> str:
+def joint_drawing(
+    lit: Mapping[str, str],
+    *,
+    topology: str,
+    motion: str,
+    spring: bool,
+    sure: bool,
+    values: Mapping[str, str] | None = None,
+) -> str:
     """The rig with the parts of ``lit`` marked.
 
     Args:
@@ -52,6 +61,7 @@ def joint_drawing(lit: Mapping[str, str], *, topology: str, motion: str, spring:
         topology, motion: As in the campaign.
         spring: Single-dof rigs: whether a spring holds the inertia.
         sure: Marks are solid; otherwise dashed, for candidates.
+        values: Location -> a figure to write under the part.
     """
     if topology == "two-inertia":
         parts = _ROTARY
@@ -70,6 +80,12 @@ def joint_drawing(lit: Mapping[str, str], *, topology: str, motion: str, spring:
             f'<text class="{"label" if place in shown else ""}" x="{x + width / 2}" y="{y + height / 2 + 5}">{label}</text>'
         )
     pieces += _flags(shown, parts, sure)
+    pieces += [
+        f'<text class="value" x="{parts[p][0][0] + parts[p][0][2] / 2}" y="{parts[p][0][1] + parts[p][0][3] + 18}">'
+        f"{html.escape(text)}</text>"
+        for p, text in (values or {}).items()
+        if p in parts
+    ]
     told = "; ".join(f"{parts[p][1]}: {t}" for p, t in shown.items()) or "no part is marked"
     return (
         f'<svg class="jd" viewBox="0 0 620 {268 + 19 * max(0, len(shown) - 1)}" role="img" width="620">'

@@ -12,13 +12,12 @@ from jointscope.experiments.charts.chart import Chart, Missing, Panel, Series
 from jointscope.experiments.charts.files import write_files
 from jointscope.experiments.diagnosis_report.balance import balance
 from jointscope.experiments.diagnosis_report.figures import against_level, against_motion, time_and_band
-from jointscope.experiments.diagnosis_report.hits import Hit, hits_chart
+from jointscope.experiments.diagnosis_report.hits import hit_of, hits_chart, hits_unit
 from jointscope.experiments.diagnosis_report.orders import orders_chart
 from jointscope.experiments.diagnosis_report.responses import response_chart
 from jointscope.experiments.diagnosis_report.traces import Models, Trace, telling
 from jointscope.experiments.diagnosis_report.windup import windup_chart
 from jointscope.experiments.page import Section
-from jointscope.recordings.campaign import Run
 
 _AXES = {
     "wind-up": "rad", "wind-up-rate": "rad/s", "velocity": "rad/s", "position": "rad", "time": "s",
@@ -29,8 +28,8 @@ _AXES = {
 def evidence(models: Models, traces: Sequence[Trace], answer: dict[str, Any], folder: Path) -> list[Section]:
     """All sections; every chart's PNG and CSV are written to ``folder``."""
     corrected = bool(models.effects)
-    hits = tuple(h for run in models.problem.runs if (h := _hit(run.run)) is not None)
-    unit = "N m" if any(h_unit(run.run) == "N m" for run in models.problem.runs) else "N"
+    hits = tuple(h for run in models.problem.runs if (h := hit_of(run.run)) is not None)
+    unit = hits_unit(tuple(run.run for run in models.problem.runs))
     pairs = tuple(time_and_band(trace, corrected=corrected) for trace in telling(traces).values())
     responses = tuple(response_chart(models, traces, experiment) for experiment in ("hammer", "torque-sweep"))
     against_speed, against_position = against_motion(balance(models))
@@ -64,23 +63,6 @@ def charts_of(sections: Sequence[Section]) -> Iterator[Chart]:
     """Every chart that is drawn."""
     for section in sections:
         yield from (c for c in (*section.charts, *section.tabs) if isinstance(c, Chart))
-
-
-def _hit(run: Run) -> Hit | None:
-    if run.experiment != "hammer":
-        return None
-    for quantity in ("force", "torque"):
-        for signal in run.select(quantity, location="arm", role="input"):
-            samples = signal.channel.samples
-            if samples is not None:
-                force = np.asarray(samples, dtype=np.float64)
-                return Hit(run.id, signal.sampling_rate, force[np.isfinite(force)])
-    return None
-
-
-def h_unit(run: Run) -> str:
-    """Unit of what hits the arm."""
-    return "N" if run.select("force", location="arm") else "N m"
 
 
 def black_box_chart(answer: dict[str, Any]) -> Chart | None:

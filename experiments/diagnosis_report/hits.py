@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from jointscope.experiments.charts.chart import Chart, Missing, Panel, Series, Span
 from jointscope.experiments.charts.looks import level_look
 from jointscope.experiments.diagnosis_report.levels import level_groups
+from jointscope.recordings.campaign import Run
 
 Vector = NDArray[np.float64]
 DROP = 10.0  # [-], 20 dB: a force spectrum is usable down to a tenth of its largest value (ISO 7626-5)
@@ -30,6 +32,30 @@ class Hit:
     run: str
     rate: float
     force: Vector
+
+
+def hit_of(run: Run) -> Hit | None:
+    """The force of a hammer run; None of another run, or where it was not recorded."""
+    if run.experiment != "hammer":
+        return None
+    for quantity in ("force", "torque"):
+        for signal in run.select(quantity, role="input"):
+            samples = signal.channel.samples
+            if samples is not None:
+                force = np.asarray(samples, dtype=np.float64)
+                return Hit(run.id, signal.sampling_rate, force[np.isfinite(force)])
+    return None
+
+
+def hits_unit(runs: Sequence[Run]) -> str:
+    """Unit of what hits the arm; without one where the force is not calibrated."""
+    for run in runs:
+        for quantity, unit in (("force", "N"), ("torque", "N m")):
+            for signal in run.select(quantity, role="input") if run.experiment == "hammer" else ():
+                return (
+                    unit if signal.channel.unit != "1" or signal.channel.scale is not None else "units of the file"
+                )
+    return "N"
 
 
 def spectrum(hit: Hit) -> tuple[Vector, Vector]:

@@ -14,7 +14,7 @@ sign is stated, and `jointscope inspect` says more about the channels.
 DIR holds
   identification.json   parameters, modes, quality, refusals (jointscope-identification/1)
   model.json            the base model for `jointscope predict` (jointscope-model/1)
-  report.html           the same to read, with pictures: FRF and residual, hits, levels, stabilisation
+  report.html           the same to read, with figures (each also as PNG and CSV): hits, FRF, levels, stabilisation
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     if found.base is not None:
         write_model(options.out / "model.json", found.base)
     if not options.no_pictures:
-        _report(found, campaign, quality, options.out)
+        _report(found, campaign, quality, options)
     if options.json:
         print(text, end="")
     else:
@@ -87,13 +87,28 @@ def _quality(campaign: Campaign) -> Sequence[Mapping[str, Any]]:
     return [{key: value for key, value in asdict(row).items() if value is not None} for row in findings(campaign)]
 
 
-def _report(found: Identification, campaign: Campaign, quality: Sequence[Mapping[str, Any]], folder: Path) -> None:
+def _report(
+    found: Identification, campaign: Campaign, quality: Sequence[Mapping[str, Any]], options: argparse.Namespace
+) -> None:
     from jointscope.atomic import write_text
-    from jointscope.experiments.figures_identification import draw
+    from jointscope.experiments.charts.chart import Chart
+    from jointscope.experiments.charts.files import write_files
+    from jointscope.experiments.diagnosis_report.hits import hit_of, hits_chart, hits_unit
+    from jointscope.experiments.identification_charts import identification_charts
     from jointscope.experiments.identification_page import report
+    from jointscope.experiments.provenance import provenance_section
 
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "report.html", report(found, campaign.title, draw(found, folder), quality))
+    folder = options.out
+    hits = tuple(hit for run in campaign.runs if (hit := hit_of(run)) is not None)
+    charts = identification_charts(found)
+    for chart in (hits_chart(hits, hits_unit(campaign.runs)), *charts):
+        if isinstance(chart, Chart):
+            write_files(chart, folder)
+    words = f"jointscope identify {options.campaign.resolve().name} --out {folder.resolve().name}"
+    words += f" --band {options.band[0]:g} {options.band[1]:g}" if options.band else ""
+    words += f" --modes {options.modes}" if options.modes else ""
+    source = provenance_section(options.campaign, words)
+    write_text(folder / "report.html", report(found, campaign, charts, quality, source))
 
 
 def _print(found: Identification, folder: Path) -> None:

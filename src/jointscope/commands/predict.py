@@ -19,6 +19,7 @@ DIR holds for every run
                   (streams of different rates share the time column; a cell without a sample is empty)
 and, where outputs were recorded,
   scores.json     errors per run, channel and band: RMS error, dB, FRAC, NRMSE, peak frequency and height
+  report.html     how far the model holds, run by run and channel by channel
   <run id>.png    recorded and predicted, in time and frequency, with the band that the parameters' uncertainty leaves
 """
 
@@ -92,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
     if any(scores.values()):
         write_text(options.out / "scores.json", text)
         if not options.no_pictures:
-            _draw(options.out, options.model, predictions, scores)
+            _report(options, campaign, predictions, scores)
     print(text if options.json else _table(predictions, scores, options.out), end="")
     return 0
 
@@ -143,16 +144,30 @@ def _wrapped(run: Run, pairs: Sequence[tuple[Signal, NDArray[np.float64]]], decl
     )
 
 
-def _draw(
-    out: Path, model: Path, predictions: list[RunPrediction], scores: dict[str, tuple[ChannelScore, ...]]
+def _report(
+    options: argparse.Namespace,
+    campaign: Campaign,
+    predictions: list[RunPrediction],
+    scores: dict[str, tuple[ChannelScore, ...]],
 ) -> None:
-    from jointscope.experiments.figures_prediction import run_figure
+    """The page, and picture and numbers of each run that is drawn."""
+    from jointscope.atomic import write_text
+    from jointscope.experiments.charts.png import write_png
+    from jointscope.experiments.prediction_charts import run_chart
+    from jointscope.experiments.prediction_page import report
+    from jointscope.experiments.provenance import digest, provenance_section
     from jointscope.progress import track
 
+    charts = []
     scored = [prediction for prediction in predictions if scores[prediction.run.id]][:MOST_PICTURES]
     for prediction in track(scored, "pictures", len(scored)):
-        bands = _bands(model, prediction)
-        run_figure(out / f"{prediction.run.id}.png", prediction, scores[prediction.run.id], bands)
+        bands = _bands(options.model, prediction)
+        charts.append(run_chart(prediction, scores[prediction.run.id], bands))
+        write_png(charts[-1], options.out / f"{prediction.run.id}.png")
+    model, folder = options.model, options.out.resolve().name
+    words = f"jointscope predict {model.name} {options.campaign.resolve().name} --out {folder}"
+    source = provenance_section(options.campaign, words, further=((model.name, digest(model)),))
+    write_text(options.out / "report.html", report(predictions, scores, campaign, charts, source))
 
 
 def _bands(model: Path, prediction: RunPrediction) -> tuple[ChannelBand, ...] | None:
