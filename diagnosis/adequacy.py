@@ -1,9 +1,10 @@
-"""How much of a mismatch an answer explains, against a floor that no model had a hand in.
+"""How much of a mismatch an answer explains, told from noise by what recordings of one excitation have in common.
 
-The floor of a channel is what repeats of one excitation, or periods within one run, differ by (the mismatch is common
-to them, noise is not), and for hits what is left in the tail, where nothing moves any more.
-Explained = (E_base - E_model) / (E_base - E_floor) in energies of the residual with each hit's own gain and timing taken
-off (B.2, stage 8).
+Residuals of two runs that were driven alike share the mismatch and not the noise, so the mean of their product is the
+energy of the mismatch, whatever the noise's colour (cross-spectral estimation, Bendat and Piersol 2010, section 6.1).
+Within one run the periods of a periodic excitation do the same. What a coarse quantiser does is shared as well and is
+taken off. Explained = 1 - common energy left by the model / common energy left by the base, with each hit's own gain
+and timing taken off (B.2, stage 8).
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
-from jointscope.diagnosis.noise import Key, NoiseModel, block_key, dynamic_level
+from jointscope.diagnosis.noise import Key, NoiseModel, block_key, dynamic_level, quantum
 from jointscope.diagnosis.whiten import is_hit, run_whitener, without_scatter
 
 if TYPE_CHECKING:
@@ -25,9 +27,15 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-TAIL = 0.2  # share of a hit's record, at its end, that shows the floor
-ALIKE = 0.98  # correlation of recordings above which two runs count as repeats of one excitation
+ALIKE = 0.98  # correlation of recordings above which two takes count as one excitation
+ALIKE_HITS = 0.9  # the same for hits, whose pulses differ in shape
+REACH = 0.1  # s by which two takes may be shifted against each other
+PAIRS = 40  # of runs that are compared per kind of channel
+LAGS = 400  # over which the noise's own memory is counted
 EXCESS = 0.01  # of the signal's rms: unexplained residual that is worth explaining
+SURE = 5.0  # standard errors by which common energy must stand out
+COARSE = 0.25  # of a residual's energy that is the quantiser's, above which nothing can be told from it
+DRIVE = ("torque", "current", "voltage", "force")  # what a drive answers is its own law's affair, not the joint's
 
 
 @dataclass(frozen=True)
@@ -35,35 +43,48 @@ class Block:
     """One kind of channel in one kind of experiment, mean squares over the signal's mean square [-].
 
     Attributes:
-        floor: ``nan`` where nothing tells it.
+        base, model: What is left as a whole.
+        base_common, model_common: What is left in common to runs driven alike; ``nan`` where no two runs are.
+        error: Standard error of the common parts.
     """
 
     key: Key
     samples: int
     base: float
     model: float
-    floor: float
+    base_common: float
+    model_common: float
+    error: float
+
+    @property
+    def floor(self) -> float:
+        """What no two runs have in common: the noise as the model leaves it; ``nan`` where nothing tells it."""
+        return max(self.model - max(self.model_common, 0.0), 0.0) if math.isfinite(self.model_common) else math.nan
 
     @property
     def excess(self) -> float:
-        """RMS of what the base leaves beyond the floor, over the signal's RMS [-]."""
-        return math.sqrt(max(self.base - self.floor, 0.0)) if math.isfinite(self.floor) else 0.0
+        """RMS of the mismatch that the base leaves, over the signal's RMS [-]; 0 where it does not stand out."""
+        return _standing_out(self.base_common, self.error)
 
     @property
     def left(self) -> float:
-        """RMS of what the model leaves beyond the floor, over the signal's RMS [-]."""
-        return math.sqrt(max(self.model - self.floor, 0.0)) if math.isfinite(self.floor) else 0.0
+        """The same of the model."""
+        return _standing_out(self.model_common, self.error)
+
+
+def _standing_out(common: float, error: float) -> float:
+    return math.sqrt(common) if math.isfinite(common) and common > SURE * error else 0.0
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """The base and a model against the floor.
+    """The base and a model against what runs have in common.
 
     Attributes:
         blocks: Per kind of channel.
-        explained: Share of the mismatch's energy that the model explains; ``nan`` where no floor is known or the base
+        explained: Share of the mismatch's energy that the model explains; ``nan`` where none is known or the base
             leaves nothing worth explaining.
-        base_left, model_left: Largest unexplained residual over signal of any block [-].
+        base_left, model_left: Largest mismatch over signal of any block [-].
     """
 
     blocks: tuple[Block, ...]
@@ -85,17 +106,74 @@ def _mean_square(x: Vector) -> float:
     return float(np.mean(np.square(x))) if x.size else math.nan
 
 
-def _repeat_floor(pairs: Sequence[tuple[Output, Vector]]) -> list[float]:
-    """Half the mean square difference of residuals of runs that recorded the same."""
-    found = []
-    for (a, ra), (b, rb) in itertools.combinations(pairs, 2):
-        if len(ra) != len(rb):
+def _aligned(a: Vector, b: Vector, reach: int) -> tuple[int, float]:
+    """Shift of ``b`` against ``a`` [samples] within ``reach`` that makes them most alike, and their correlation there."""
+    n = min(len(a), len(b))
+    x, y = a[:n] - np.mean(a[:n]), b[:n] - np.mean(b[:n])
+    size = next_fast_len(2 * n, real=True)
+    product = irfft(rfft(x, size) * np.conj(rfft(y, size)), size)
+    shifts = np.arange(-min(reach, n - 2), min(reach, n - 2) + 1)
+    best = int(shifts[np.argmax(product[shifts])])
+    u, v = _overlap(x, best), _overlap(y, -best)
+    scale = float(np.sqrt((u @ u) * (v @ v)))
+    return best, float(u @ v) / scale if scale > 0.0 else 0.0
+
+
+def _overlap(x: Vector, shift: int) -> Vector:
+    """The part of ``x`` that meets another record moved by ``shift`` samples later."""
+    return x[shift:] if shift >= 0 else x[:shift]
+
+
+def _memory(a: Vector, b: Vector) -> float:
+    """sum_k c(k)^2 of the noise, which is what ``a`` and ``b`` differ by: variance of the mean of products times n."""
+    noise = (a - b) / math.sqrt(2.0)
+    n = len(noise)
+    size = next_fast_len(2 * n, real=True)
+    c = irfft(np.square(np.abs(rfft(noise, size))), size)[:LAGS] / n
+    return float(c[0] ** 2 + 2.0 * (c[1:] @ c[1:]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Take:
+    """One output of one run: its recording, and what base and model leave of it, over the recording's own rms."""
+
+    output: Output
+    hit: bool
+    base: Vector
+    model: Vector
+    quantised: float
+
+
+def _take(run: PreparedRun, output: Output, base: Vector, model: Vector) -> _Take:
+    size = dynamic_level(output) or math.inf
+    masked = [np.where(output.mask, x, 0.0) / size for x in (base, model)]
+    return _Take(output, is_hit(run), masked[0], masked[1], quantum(output) ** 2 / 12.0 / size**2)
+
+
+def _coarse(take: _Take) -> bool:
+    return take.quantised > COARSE * _mean_square(take.model[take.output.mask])
+
+
+def _pairs(takes: Sequence[_Take]) -> list[tuple[float, float, float]]:
+    """(base, model, variance) of the common energy of every pair that was driven alike."""
+    found: list[tuple[float, float, float]] = []
+    order = sorted(range(len(takes)), key=lambda i: dynamic_level(takes[i].output))
+    pairs = sorted(itertools.combinations(range(len(order)), 2), key=lambda p: p[1] - p[0])
+    for i, j in pairs:
+        a, b = takes[order[i]], takes[order[j]]
+        rate = a.output.rate
+        if min(len(a.base), len(b.base)) < 128 or rate != b.output.rate or len(found) == PAIRS:
             continue
-        both = a.mask & b.mask
-        if both.sum() < 64 or np.std(a.data[both]) == 0.0 or np.std(b.data[both]) == 0.0:
+        shift, alike = _aligned(a.output.data, b.output.data, round(REACH * rate) if a.hit else 2)
+        if alike < (ALIKE_HITS if a.hit else ALIKE) or _coarse(a) or _coarse(b):
             continue
-        if np.corrcoef(a.data[both], b.data[both])[0, 1] > ALIKE:
-            found.append(0.5 * _mean_square((ra - rb)[both]))
+        n = min(len(a.base), len(b.base))
+        ab, bb = _overlap(a.base[:n], shift), _overlap(b.base[:n], -shift)
+        am, bm = _overlap(a.model[:n], shift), _overlap(b.model[:n], -shift)
+        shared = math.sqrt(a.quantised * b.quantised)
+        found.append(
+            (float(np.mean(ab * bb)) - shared, float(np.mean(am * bm)) - shared, _memory(am, bm) / len(am))
+        )
     return found
 
 
@@ -122,19 +200,17 @@ def input_period(run: PreparedRun) -> float | None:
     return best / drive.signal.rate
 
 
-def _period_floor(run: PreparedRun, output: Output, residual: Vector) -> list[float]:
-    """Half the mean square difference of successive periods' residuals, where the excitation repeats itself."""
+def _periods(run: PreparedRun, take: _Take) -> list[tuple[float, float, float]]:
+    """The same for successive periods of one run, where the excitation repeats itself."""
     period = input_period(run)
-    if period is None:
+    if period is None or _coarse(take):
         return []
-    lag = round(period * output.rate)
-    both = output.mask[lag:] & output.mask[:-lag]
-    return [0.5 * _mean_square((residual[lag:] - residual[:-lag])[both])] if both.sum() > 64 else []
-
-
-def _tail_floor(output: Output, residual: Vector) -> float:
-    part = slice(int((1.0 - TAIL) * len(residual)), None)
-    return _mean_square(residual[part][output.mask[part]])
+    lag = round(period * take.output.rate)
+    if len(take.base) - lag < 128:
+        return []
+    base = float(np.mean(take.base[lag:] * take.base[:-lag])) - take.quantised
+    model = float(np.mean(take.model[lag:] * take.model[:-lag])) - take.quantised
+    return [(base, model, _memory(take.model[lag:], take.model[:-lag]) / (len(take.base) - lag))]
 
 
 def adequacy(
@@ -143,36 +219,35 @@ def adequacy(
     base: Sequence[Sequence[Vector]],
     model: Sequence[Sequence[Vector]],
 ) -> Adequacy:
-    """Compare base and model predictions of ``runs`` with the floor of their channels."""
+    """Compare base and model predictions of ``runs`` by what takes of one excitation have in common."""
     before, after = _cleaned(runs, noise, base), _cleaned(runs, noise, model)
-    table: dict[Key, list[tuple[PreparedRun, Output, Vector, Vector]]] = {}
+    table: dict[Key, list[tuple[PreparedRun, _Take]]] = {}
     for run, old, new in zip(runs, before, after, strict=True):
         for output, a, b in zip(run.outputs, old, new, strict=True):
-            table.setdefault(block_key(run, output), []).append((run, output, a, b))
+            if dynamic_level(output) > 0.0 and output.quantity not in DRIVE:
+                table.setdefault(block_key(run, output), []).append((run, _take(run, output, a, b)))
     blocks = []
     for key, rows in table.items():
-        signal = float(np.mean([dynamic_level(o) ** 2 for _, o, _, _ in rows]))
-        if signal <= 0.0:
-            continue
-        floors = _repeat_floor([(o, b) for _, o, _, b in rows])
-        for run, output, _, left in rows:
-            floors.extend(_period_floor(run, output, left))
-        if is_hit(rows[0][0]):
-            floors.extend(_tail_floor(o, b) for _, o, _, b in rows)
+        found = _pairs([take for _, take in rows])
+        if not found:
+            found = [p for run, take in rows for p in _periods(run, take)]
+        count = len(found)
         blocks.append(
             Block(
                 key,
-                sum(int(o.mask.sum()) for _, o, _, _ in rows),
-                float(np.mean([_mean_square(a[o.mask]) for _, o, a, _ in rows])) / signal,
-                float(np.mean([_mean_square(b[o.mask]) for _, o, _, b in rows])) / signal,
-                float(np.median(floors)) / signal if floors else math.nan,
+                sum(int(take.output.mask.sum()) for _, take in rows),
+                float(np.mean([_mean_square(take.base[take.output.mask]) for _, take in rows])),
+                float(np.mean([_mean_square(take.model[take.output.mask]) for _, take in rows])),
+                float(np.mean([b for b, _, _ in found])) if count else math.nan,
+                float(np.mean([m for _, m, _ in found])) if count else math.nan,
+                math.sqrt(sum(v for _, _, v in found)) / count if count else math.nan,
             )
         )
     telling = [b for b in blocks if b.excess > EXCESS]
     explained = math.nan
     if telling:
-        explained = sum((b.base - b.model) / (b.base - b.floor) * b.excess for b in telling)
-        explained /= sum(b.excess for b in telling)
+        total = sum(b.excess for b in telling)
+        explained = sum((1.0 - max(b.model_common, 0.0) / b.base_common) * b.excess for b in telling) / total
     return Adequacy(
         tuple(blocks),
         explained,

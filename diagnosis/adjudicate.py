@@ -29,17 +29,16 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import PreparedRun
 
 Vector = NDArray[np.float64]
+Kind = tuple[object, ...]
 
-REAL = 8.0  # nats beyond the Occam cost, ~ ln of the candidates tried plus odds of 20 to 1
-REAL_FURTHER = 20.0  # the same of any further effect, which has the rest of an imperfect law to feed on
+REAL = 25.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
+REAL_FURTHER = 30.0  # the same of any further effect, which has the rest of an imperfect law to feed on
 OF_PARENT = 0.005  # and of the parent's own gain over the base
-CARRIES_OVER = 0.35  # held-out gain per sample over fitted gain per sample
-MATERIAL = 0.002  # drop of RMS error over RMS signal, in the channel and experiment that show it most
-SHARES = (
-    0.02,
-    0.08,
-    0.15,
-)  # of the parent's error that a first, second, third effect must remove, where it removes most
+CARRIES_OVER = 0.12  # held-out gain over what the same kind of runs gained in the fit, per sample
+HELD = 4.0  # nats that held-out runs must gain at least
+LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain
+MATERIAL = 0.003  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
+SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 POLISHED = 4  # leading hypotheses that are refitted under the final noise
 
@@ -49,20 +48,26 @@ class Judged:
     """A hypothesis with its evidence under the common noise model.
 
     Attributes:
-        chi2: w'w over the fitted runs.
+        fitted: w'w of every fitted run, shape (n_fitted,).
         held_out: w'w of every held-out run, shape (n_held,).
-        samples_held: Scored samples of each.
         occam: k/2 ln(nu) of its effects' parameters [nats].
+        energies: Per experiment and channel: squared error of all runs, and squared signal.
         predictions: Of the fitted runs.
         predictions_held: Of the held-out runs.
     """
 
     hypothesis: Hypothesis
-    chi2: float
+    fitted: Vector
     held_out: Vector
     occam: float
+    energies: dict[Kind, tuple[float, float]]
     predictions: Predictions
     predictions_held: Predictions
+
+    @property
+    def chi2(self) -> float:
+        """w'w over the fitted runs."""
+        return float(np.sum(self.fitted))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,12 +87,13 @@ class Comparison:
     Attributes:
         gain: Likelihood gain on the fitted runs net of Occam [nats].
         held_gain: On the held-out runs [nats]; ``nan`` without any.
-        expected_held: What the fitted gain would make of it in proportion to the samples [nats].
+        expected_held: What the gain of each kind of fitted runs would make of it, sample for sample [nats].
         share_of_runs: Held-out runs that gain.
-        material: Largest drop of relative error over channels and experiments [-].
-        share: Largest drop of error relative to the parent's [-].
-        parents: Effects of the parent: a further effect must explain more of what is left, since what a law of
-            the right name but the wrong form leaves is always explained by something.
+        lost: Nats of the held-out runs that lose, positive.
+        material: Largest rms of what the child explains beyond the parent, over the signal's, of any channel [-].
+        share: The same over what the child explains beyond the base, in that channel [-].
+        parents: Effects of the parent: a further effect must explain more, since what a law of the right name but the
+            wrong form leaves is always explained by something.
         parent_gain: The parent's gain over the base [nats].
     """
 
@@ -95,6 +101,7 @@ class Comparison:
     held_gain: float
     expected_held: float
     share_of_runs: float
+    lost: float
     material: float
     share: float
     parents: int
@@ -110,7 +117,9 @@ class Comparison:
         """Held-out runs agree; vacuous without any."""
         if math.isnan(self.held_gain):
             return True
-        return self.held_gain > max(2.0, CARRIES_OVER * self.expected_held) and self.share_of_runs >= 0.5
+        return self.held_gain > max(HELD, CARRIES_OVER * self.expected_held) and self.lost < LOSING * (
+            self.held_gain + self.lost
+        )
 
     @property
     def stands(self) -> bool:
@@ -180,70 +189,83 @@ def _occam(hypothesis: Hypothesis, samples: int) -> float:
 def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
     """A hypothesis as it stands, under the noise of ``objective`` and ``held``."""
     theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
-    predictions = objective.predictions(theta, effects)
-    w = np.concatenate([objective.whiten_run(i, p) for i, p in enumerate(predictions)])
-    held_predictions = held.predictions(theta, effects)
-    held_chi2 = np.array([float(np.sum(np.square(held.whiten_run(i, p)))) for i, p in enumerate(held_predictions)])
-    return Judged(hypothesis, float(w @ w), held_chi2, _occam(hypothesis, len(w)), predictions, held_predictions)
+    predictions, held_predictions = objective.predictions(theta, effects), held.predictions(theta, effects)
+    fitted = _per_run(objective, predictions, theta)
+    samples = sum(sum(w.sizes) for w in objective.whiteners)
+    energies = error_energies((*objective.prepared, *held.prepared), (*predictions, *held_predictions))
+    return Judged(
+        hypothesis,
+        fitted,
+        _per_run(held, held_predictions, theta),
+        _occam(hypothesis, samples),
+        energies,
+        predictions,
+        held_predictions,
+    )
 
 
-def improvement(runs: Sequence[PreparedRun], before: Predictions, after: Predictions) -> tuple[float, float]:
-    """Largest drop of RMS error, over the signal's RMS and over the error before, of any experiment and channel [-].
+def _per_run(objective: Objective, predictions: Predictions, theta: Vector) -> Vector:
+    whitened_runs = (objective.whiten_run(i, p, theta) for i, p in enumerate(predictions))
+    return np.array([float(w @ w) for w in whitened_runs])
+
+
+def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> dict[Kind, tuple[float, float]]:
+    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``.
 
     An angle's signal is what it does within a quarter second: slower than that the observer follows the recording.
     """
-    pooled: dict[tuple[object, ...], list[float]] = {}
-    for run, a, b in zip(runs, before, after, strict=True):
-        for output, ya, yb in zip(run.outputs, a, b, strict=True):
+    pooled: dict[Kind, tuple[float, float]] = {}
+    for run, predicted in zip(runs, predictions, strict=True):
+        for output, y in zip(run.outputs, predicted, strict=True):
             key = (run.run.experiment, output.quantity, output.location, output.direction)
-            total = pooled.setdefault(key, [0.0, 0.0, 0.0])
-            cut = below_excitation(run, output)
-            for k, y in enumerate((ya, yb)):
-                x = asked_only(output.data - y, cut)[output.mask]
-                total[k] += float(x @ x)
-            total[2] += dynamic_level(output) ** 2 * int(output.mask.sum())
-    drops = [
-        ((math.sqrt(p) - math.sqrt(c)) / math.sqrt(s), 1.0 - math.sqrt(c / p))
-        for p, c, s in pooled.values()
-        if s > 0.0 and p > 0.0
-    ]
-    absolute = max((a for a, _ in drops), default=0.0)
-    return absolute, max((r for a, r in drops if a > MATERIAL), default=0.0)
+            error, signal = pooled.get(key, (0.0, 0.0))
+            x = asked_only(output.data - y, below_excitation(run, output))[output.mask]
+            pooled[key] = (error + float(x @ x), signal + dynamic_level(output) ** 2 * int(output.mask.sum()))
+    return pooled
+
+
+def improvement(
+    base: dict[Kind, tuple[float, float]],
+    before: dict[Kind, tuple[float, float]],
+    after: dict[Kind, tuple[float, float]],
+) -> tuple[float, float]:
+    """(material, share) of :class:`Comparison` from the error energies of base, parent and child."""
+    best = (0.0, 0.0)
+    for key, (parent, signal) in before.items():
+        gained, whole = parent - after[key][0], base[key][0] - after[key][0]
+        if signal > 0.0 and gained > 0.0:
+            share = math.sqrt(gained / whole) if whole > 0.0 else 1.0
+            best = max(best, (math.sqrt(gained / signal), min(share, 1.0)))
+    return best
 
 
 def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     """The child's case against the parent."""
-    samples = max(len(parent.fit.w), 1)
-    overdispersion = max(1.0, min(parent.chi2, child.chi2) / samples)
-    raw = 0.5 * (parent.chi2 - child.chi2) / overdispersion
+    sizes = np.array([sum(w.sizes) for w in judgement.objective.whiteners])
+    overdispersion = max(1.0, min(parent.chi2, child.chi2) / max(int(sizes.sum()), 1))
+    raw = 0.5 * (parent.fitted - child.fitted) / overdispersion
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
-    runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    material, share = improvement(
-        runs, (*parent.predictions, *parent.predictions_held), (*child.predictions, *child.predictions_held)
-    )
-    if child.held_out.size == 0:
-        return Comparison(
-            raw - child.occam + parent.occam,
-            math.nan,
-            math.nan,
-            math.nan,
-            material,
-            share,
-            len(parent.names),
-            parent_gain,
-        )
-    held = 0.5 * (parent.held_out - child.held_out) / overdispersion
-    sizes = sum(sum(w.sizes) for w in judgement.held.whiteners)
-    return Comparison(
-        raw - child.occam + parent.occam,
-        float(np.sum(held)),
-        raw * sizes / samples,
-        float(np.mean(held > 0.0)),
-        material,
-        share,
-        len(parent.names),
-        parent_gain,
-    )
+    material, share = improvement(judgement.base.energies, parent.energies, child.energies)
+    held_gain, expected, agreeing, lost = math.nan, math.nan, math.nan, math.nan
+    if child.held_out.size:
+        held = 0.5 * (parent.held_out - child.held_out) / overdispersion
+        held_sizes = np.array([sum(w.sizes) for w in judgement.held.whiteners])
+        held_gain, agreeing = float(np.sum(held)), float(np.mean(held > 0.0))
+        lost = float(-np.sum(held[held < 0.0]))
+        kinds, held_kinds = _kinds(judgement.objective), _kinds(judgement.held)
+        expected = 0.0
+        for kind in set(held_kinds):
+            mine, theirs = np.array([k == kind for k in kinds]), np.array([k == kind for k in held_kinds])
+            per_sample = (
+                raw[mine].sum() / max(sizes[mine].sum(), 1) if mine.any() else raw.sum() / max(sizes.sum(), 1)
+            )
+            expected += float(per_sample * held_sizes[theirs].sum())
+    gain = float(np.sum(raw)) - child.occam + parent.occam
+    return Comparison(gain, held_gain, expected, agreeing, lost, material, share, len(parent.names), parent_gain)
+
+
+def _kinds(objective: Objective) -> list[tuple[str, bool]]:
+    return [(run.run.experiment, run.run.brake) for run in objective.prepared]
 
 
 def score(judgement: Judgement, candidate: Judged) -> float:

@@ -39,6 +39,7 @@ BASE_NAMES = (
 BASE_INDEX = {name: index for index, name in enumerate(BASE_NAMES)}
 
 OBSERVER_HZ = 3.0  # below every resonance of a joint, above the drift of a torque log
+COMMAND_HZ = 0.3  # the same where the drive's command stands for the motor's speed: it is followed only so closely
 _OBSERVER_ZETA = 0.8
 
 
@@ -165,7 +166,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
         P[kernel.K] = P[kernel.C] = 0.0
     observed = run.observed
     if observed is not None and not free:
-        w0 = 2.0 * math.pi * OBSERVER_HZ
+        w0 = 2.0 * math.pi * (COMMAND_HZ if observed.commanded else OBSERVER_HZ)
         if observed.rate_signal:
             P[kernel.OBS_2] = w0
         else:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
+from jointscope.diagnosis.input_noise import resonance
 from jointscope.diagnosis.noise import NoiseModel, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
@@ -96,8 +97,9 @@ def rewhiten(
     objective: Objective, fit: Fit, before: NoiseModel, max_order: int
 ) -> tuple[Objective, NoiseModel, Predictions]:
     """Noise from what ``fit`` leaves, and the objective whitened by it."""
-    predictions = objective.predictions(*fit.coordinates.unpack(fit.x))
-    noise = estimate_noise(objective.prepared, predictions, before, max_order)
+    theta, effects = fit.coordinates.unpack(fit.x)
+    predictions = objective.predictions(theta, effects)
+    noise = estimate_noise(objective.prepared, predictions, before, max_order, resonance(objective.problem, theta))
     return whitened(objective, noise, predictions), noise, predictions
 
 

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import uniform_filter1d
 
+from jointscope.diagnosis.input_noise import Pole, Ringing, ringing
+
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Output, PreparedRun
 
@@ -24,6 +26,8 @@ Vector = NDArray[np.float64]
 Key = tuple[object, ...]
 
 MAX_ORDER = 12
+INPUT_NOISE = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)  # power of the torque's noise over the sensor's [-]
+RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
 ANGULAR_FLOOR = (
     0.03  # the same of what an observed angle does: its innovation is the model's error twice integrated
@@ -43,12 +47,14 @@ class BlockNoise:
         sigma: Standard deviation of the innovation [the channel's unit].
         marginal: Standard deviation of the process itself [the channel's unit].
         kappa: Model error relative to the signal's envelope [-].
+        ringing: What the noise of a logged torque makes of the joint's resonance, taken off before ``ar``.
     """
 
     ar: Vector
     sigma: float
     marginal: float
     kappa: float
+    ringing: Ringing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +163,11 @@ def _relative_error(segments: list[Vector], envelopes: list[Vector], floor: floa
 
 
 def block_noise(
-    outputs: Sequence[Output], residuals: Sequence[Vector], max_order: int, quantum: float = 0.0
+    outputs: Sequence[Output],
+    residuals: Sequence[Vector],
+    max_order: int,
+    quantum: float = 0.0,
+    pole: Pole | None = None,
 ) -> BlockNoise:
     """Noise of one block from its residuals, with per-run scatter taken off already.
 
@@ -166,6 +176,7 @@ def block_noise(
         residuals: Recorded minus predicted, one per output, shape (n,) each.
         max_order: Greatest autoregressive order.
         quantum: Step of the recorder [the output's unit].
+        pole: The resonance through which the noise of an input comes, where one does.
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
     share = ANGULAR_FLOOR if outputs[0].quantity in ANGULAR else RELATIVE_FLOOR
@@ -179,10 +190,20 @@ def block_noise(
         return BlockNoise(np.array([1.0]), floor, floor, 0.0)
     marginal, kappa = _relative_error(segments, envelopes, floor)
     scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
-    covariance = autocovariance(scaled, max_order)
-    ar, sigma, whole = fit_ar(covariance, sum(len(s) for s in scaled), floor, max_order)
-    # kappa was estimated at ``marginal``; the filter's own floor changes the scale a little and d follows ``whole``
-    return BlockNoise(ar, sigma, whole, kappa * whole / marginal)
+    samples = sum(len(s) for s in scaled)
+    filters: list[Ringing | None] = [None]
+    if pole is not None:
+        filters.extend(ringing(pole, strength, outputs[0].rate) for strength in INPUT_NOISE)
+    best: tuple[float, BlockNoise] | None = None
+    for candidate in filters:
+        quiet = scaled if candidate is None else [candidate(s) for s in scaled]
+        ar, sigma, whole = fit_ar(autocovariance(quiet, max_order), samples, floor, max_order)
+        cost = samples * np.log(sigma**2) + len(ar) * np.log(samples)
+        if best is None or cost < best[0] - RINGS * samples:
+            # kappa was estimated at ``marginal``; the filter's own floor changes the scale a little, d follows ``whole``
+            best = (cost, BlockNoise(ar, sigma, whole, kappa * whole / marginal, candidate))
+    assert best is not None
+    return best[1]
 
 
 def quantum(output: Output) -> float:

@@ -72,12 +72,14 @@ class Observed:
         rate_signal: Whether it is a speed.
         signal: Its value [rad or rad/s at the output], angles from the arm's initial angle.
         device: Stream it was recorded by.
+        commanded: Whether it is what the drive was asked for, for want of a recorded one.
     """
 
     side: Literal["motor", "arm"]
     rate_signal: bool
     signal: Bandlimited
     device: int
+    commanded: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import MATERIAL, improvement
+from jointscope.diagnosis.adjudicate import MATERIAL, error_energies, improvement
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
@@ -109,10 +109,14 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
     coloured, _, after = rewhiten(arena.objective, child.fit, arena.noise, MAX_ORDER)
     before = arena.objective.predictions(*parent.fit.coordinates.unpack(parent.fit.x))
     gain = 0.0
+    old_base, new_base = (h.fit.coordinates.unpack(h.fit.x)[0] for h in (parent, child))
     for i in range(len(coloured.runs)):
-        old, new = coloured.whiten_run(i, before[i]), coloured.whiten_run(i, after[i])
+        old, new = coloured.whiten_run(i, before[i], old_base), coloured.whiten_run(i, after[i], new_base)
         gain += 0.5 * float(old @ old - new @ new)
-    return gain > PROMISING * added and improvement(arena.objective.prepared, before, after)[0] > 0.5 * MATERIAL
+    runs = arena.objective.prepared
+    parents = error_energies(runs, before)
+    material, _ = improvement(parents, parents, error_energies(runs, after))
+    return gain > PROMISING * added and material > MATERIAL
 
 
 def residuals_of(stage: Stage) -> list[list[Vector]]:

@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command
+from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
@@ -20,6 +21,7 @@ Vector = NDArray[np.float64]
 GRID_RATE = 4000.0  # Hz; the simulation grid is at least this fine
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
 SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
+COARSE = 0.5  # of a signal's dynamic rms: steps of a recorder above which its error follows the signal and is no noise
 _TAIL = 8  # samples left out at the end, where the anti-aliasing kernel looks past the record
 INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
 
@@ -37,6 +39,8 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
     spring = two or (rig.ground_spring if rig.ground_spring is not None else held)
     prescribed = _prescribed(recorded)
     observed = None if prescribed is not None else _observed(recorded, rig, run)
+    if two and observed is None and prescribed is None and motor is not None and command is not None:
+        observed = Observed("motor", True, command.signal, command.device, commanded=True)
     mode = _mode(two, held, spring, prescribed, observed, load, motor, command, run)
     if mode is None:
         return None
@@ -229,7 +233,9 @@ def _outputs(
             continue  # weight's share in it follows the drift that nothing observes
         if channel.quantity in SPEED_OF and _same_sensor(signal, recorded):
             continue
-        outputs.append(_output(signal, rig, run, mode, daq, observed, run.arm_angle))
+        output = _output(signal, rig, run, mode, daq, observed, run.arm_angle)
+        if output.observed or quantum(output) < COARSE * dynamic_level(output):
+            outputs.append(output)
     return tuple(outputs)
 
 
@@ -268,7 +274,8 @@ def _output(
     if run.initial == "estimate":
         mask &= times >= (times[0] if times.size else 0.0) + SETTLING
     corner = None
-    if mode == "torque-driven" and channel.quantity in ACCELERATIONS:
+    adrift = mode == "torque-driven" or (observed is not None and observed.commanded)
+    if adrift and channel.quantity in ACCELERATIONS:
         corner = DRIFT_CORNER
     low_cutoff = channel.low_cutoff if channel.coupling == "ac" else None
     data = data - offset
@@ -300,7 +307,7 @@ def _output(
 def _is_observed(channel: Channel, observed: Observed, device: int, rig: Nameplate) -> bool:
     side = "motor" if channel.location == "motor" and rig.topology == "two-inertia" else "arm"
     speed = channel.quantity in ("angular-velocity", "velocity")
-    kind = speed or channel.quantity in ("angle", "position")
+    kind = not observed.commanded and (speed or channel.quantity in ("angle", "position"))
     return kind and side == observed.side and speed == observed.rate_signal and device == observed.device
 
 

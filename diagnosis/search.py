@@ -63,7 +63,7 @@ class Effort:
     screen_others: int = 1
     hits: int = 5
     others: int = 2
-    singles: int = 8
+    singles: int = 11
     refine: int = 24
     beam: int = 2
     children: int = 3
@@ -327,10 +327,10 @@ def candidates_for(
             trials = trial_effects(spec, problem, sizes)
             found.extend(trials if spec.residual_starts is None or not residuals else trials[::THINNED])
             if spec.residual_starts is not None and residuals:
-                scale = spec.scale(problem)[1]
                 for shape in spec.residual_starts(problem, residuals):
-                    values = [*shape[: spec.amplitude], scale, *shape[spec.amplitude :]]
-                    found.append(ActiveEffect(spec, tuple(float(v) for v in values)))
+                    for scale in spec.scale(problem)[:2]:
+                        values = [*shape[: spec.amplitude], scale, *shape[spec.amplitude :]]
+                        found.append(ActiveEffect(spec, tuple(float(v) for v in values)))
     return found
 
 

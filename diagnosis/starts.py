@@ -18,7 +18,7 @@ from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.channels import high_pass
 from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.problem import Observed, Problem
+from jointscope.diagnosis.problem import Problem
 from jointscope.diagnosis.responses import channel_key, fitted, passive_polarities, polarities, responses
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
@@ -159,7 +159,7 @@ def _mirrored(run: PreparedRun) -> PreparedRun:
     return replace(
         run,
         observed_half=half,
-        observed=Observed(run.observed.side, run.observed.rate_signal, signal, run.observed.device),
+        observed=replace(run.observed, signal=signal),
     )
 
 

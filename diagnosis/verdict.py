@@ -13,10 +13,8 @@ from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compa
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
-SURE = 0.5  # probability of the leading set below which it is not named alone
-LACKING = (
-    0.04  # of the signal's rms, left by the base beyond the floor, that no candidate explains: a mismatch unknown
-)
+SURE = 0.6  # probability of the leading set below which it is not named alone
+LACKING = 0.01  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 NEAR = 3.0  # belief nats within which rivals are listed

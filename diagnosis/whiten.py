@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.input_noise import Pole, Ringing
 from jointscope.diagnosis.noise import (
     GAIN_BOUNDS,
     TIMING_BOUNDS,
@@ -39,19 +41,22 @@ SAMPLES_PER_FREEDOM = 8.0  # of a coloured residual
 
 @dataclass(frozen=True, eq=False)
 class OutputFilter:
-    """L^-1 of one output: r -> (ar * (r / d)) / sigma at the scored samples."""
+    """L^-1 of one output: r -> (ar * ringing * (r / d)) / sigma at the scored samples."""
 
     ar: Vector
     weight: Vector  # 1 / d, zero at unscored samples, shape (n,)
     sigma: float
     keep: NDArray[np.intp]
     sections: NDArray[np.float64] | None = None  # high-pass below the excitation, second-order sections
+    ringing: Ringing | None = None
 
-    def __call__(self, r: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Filter columns, shape (n, k) -> (n_kept, k)."""
+    def __call__(self, r: NDArray[np.float64], pole: Pole | None = None) -> NDArray[np.float64]:
+        """Filter columns, shape (n, k) -> (n_kept, k); ``pole``: resonance of the model that left them."""
         if self.sections is not None:
             r = asked_only(r, self.sections)
         scaled = r * self.weight[:, None]
+        if self.ringing is not None:
+            scaled = (self.ringing if pole is None else self.ringing.at(pole))(scaled)
         filtered = scaled if len(self.ar) == 1 else lfilter(self.ar, [1.0], scaled, axis=0)
         return filtered[self.keep] / self.sigma
 
@@ -83,15 +88,15 @@ class RunWhitener:
             total += float(np.sum(np.log(f.weight[f.keep]))) - len(f.keep) * float(np.log(f.sigma))
         return total
 
-    def filter(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def filter(self, arrays: Sequence[NDArray[np.float64]], pole: Pole | None = None) -> NDArray[np.float64]:
         """L^-1 of stacked outputs; each array of shape (n,) or (n, k)."""
         return np.concatenate(
-            [f(a.reshape(len(a), -1)) for f, a in zip(self.filters, arrays, strict=True)], axis=0
+            [f(a.reshape(len(a), -1), pole) for f, a in zip(self.filters, arrays, strict=True)], axis=0
         )
 
-    def __call__(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """w for residuals or columns, shape (n_kept, k)."""
-        w = self.filter(arrays)
+    def __call__(self, arrays: Sequence[NDArray[np.float64]], pole: Pole | None = None) -> NDArray[np.float64]:
+        """w for residuals or columns of a model with this resonance, shape (n_kept, k)."""
+        w = self.filter(arrays, pole)
         if self.shrink.size:
             w = w - self.directions @ (self.shrink[:, None] * (self.directions.T @ w))
         return w
@@ -109,7 +114,7 @@ def output_filter(
         mask[lag:] &= output.mask[:-lag]
         mask[:lag] = False
     weight = np.where(output.mask, 1.0 / inflation(output, noise), 0.0)
-    return OutputFilter(noise.ar, weight, noise.sigma * scale, np.flatnonzero(mask), sections)
+    return OutputFilter(noise.ar, weight, noise.sigma * scale, np.flatnonzero(mask), sections, noise.ringing)
 
 
 def run_scale(output: Output, noise: BlockNoise, residual: Vector) -> float:
@@ -208,10 +213,20 @@ def hit_scatter(
 
 
 def estimate_noise(
-    runs: Sequence[PreparedRun], predictions: Sequence[Sequence[Vector]], before: NoiseModel, max_order: int
+    runs: Sequence[PreparedRun],
+    predictions: Sequence[Sequence[Vector]],
+    before: NoiseModel,
+    max_order: int,
+    pole: Pole | None = None,
 ) -> NoiseModel:
-    """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error."""
+    """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error.
+
+    ``pole`` is the resonance of the model that predicted: the noise of a logged torque comes through it.
+    """
     gain, timing, _ = hit_scatter(runs, before, predictions)
+    rings = {
+        block_key(run, o) for run in runs for o in run.outputs if run.motor_moves and o.quantity in ACCELERATIONS
+    }
     outputs: dict[Key, list[Output]] = {}
     residuals: dict[Key, list[Vector]] = {}
     scattered = NoiseModel(before.blocks, gain, timing)
@@ -222,7 +237,13 @@ def estimate_noise(
             outputs.setdefault(key, []).append(output)
             residuals.setdefault(key, []).append(residual)
     blocks = {
-        key: block_noise(outputs[key], residuals[key], max_order, max(quantum(o) for o in outputs[key]))
+        key: block_noise(
+            outputs[key],
+            residuals[key],
+            max_order,
+            max(quantum(o) for o in outputs[key]),
+            pole if key in rings else None,
+        )
         for key in outputs
     }
     return NoiseModel(blocks, gain, timing)

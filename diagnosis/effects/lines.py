@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from jointscope.diagnosis.channels import ACCELERATIONS
 
@@ -53,6 +53,42 @@ def spectral_peaks(
                 total += np.minimum(density / background, 1e4)
             else:
                 total += median_filter(density, size=9) / (density.mean() + 1e-300)
+    return _strongest(grid, total, count)
+
+
+def response_peaks(problem: Problem, residuals: Residuals, low: float, high: float, count: int) -> tuple[float, ...]:
+    """Frequencies [Hz] at which what a model leaves follows the input most clearly, all runs averaged in phase.
+
+    |sum conj(U) E|^2 over sum |U|^2 is the energy of E that is coherent with U; against its own background in frequency
+    a further mode stands out long before it does in any one spectrum.
+
+    Args:
+        problem: The campaign as prepared.
+        residuals: What a model leaves, per run and output.
+        low, high: Band [Hz].
+        count: How many frequencies at most.
+    """
+    grid = np.geomspace(low, high, 1600)
+    pooled: dict[tuple[object, ...], list[tuple[Vector, Vector, float]]] = {}
+    for run, rows in zip(problem.runs, residuals, strict=True):
+        drive = run.load or run.motor
+        for output, r in zip(run.outputs, rows, strict=True):
+            if drive is None or output.quantity not in ACCELERATIONS or r.size < 64 or not np.any(r):
+                continue
+            key = (run.run.experiment, output.location, output.direction, output.rate)
+            u = drive.signal(output.times)
+            pooled.setdefault(key, []).append((u - np.mean(u[-8:]), np.where(output.mask, r, 0.0), output.rate))
+    total = np.zeros(grid.size)
+    for rows in pooled.values():
+        size = 2 ** int(np.ceil(np.log2(max(r.size for _, r, _ in rows))))
+        spectra = [(np.fft.rfft(u, size), np.fft.rfft(r, size)) for u, r, _ in rows]
+        cross = np.abs(sum(np.conj(u) * e for u, e in spectra)) ** 2
+        power = np.asarray(sum(np.abs(u) ** 2 for u, _ in spectra))
+        coherent = cross / (power + 1e-6 * power.max())
+        f = np.fft.rfftfreq(size, 1.0 / rows[0][2])
+        density = np.interp(grid, f, uniform_filter1d(coherent, 3), right=0.0)
+        background = median_filter(density, size=201, mode="nearest") + 1e-3 * density.mean() + 1e-300
+        total += np.minimum(density / background, 1e3)
     return _strongest(grid, total, count)
 
 
@@ -106,4 +142,4 @@ def _strongest(grid: Vector, total: Vector, count: int) -> tuple[float, ...]:
     return tuple(found)
 
 
-__all__ = ["Residuals", "order_peaks", "recorded", "spectral_peaks"]
+__all__ = ["Residuals", "order_peaks", "recorded", "response_peaks", "spectral_peaks"]

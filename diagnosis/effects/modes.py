@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.effects.lines import Residuals, spectral_peaks
+from jointscope.diagnosis.effects.lines import Residuals, response_peaks, spectral_peaks
 from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     Location,
@@ -88,7 +88,8 @@ def _grid(low: float, high: float, *tail: float) -> Starts:
 
 def _peaks(low: float, high: float, *tail: float) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
-        found = spectral_peaks(problem, residuals, *_band(problem, low, high), 5, narrow=False)
+        band = _band(problem, low, high)
+        found = [*response_peaks(problem, residuals, *band, 5), *spectral_peaks(problem, residuals, *band, 3, narrow=False)]
         return tuple((f, damping, *tail) for f in found for damping in (0.01, 0.03))
 
     return starts

@@ -68,13 +68,16 @@ def _rate(problem: Problem) -> float:
     )
 
 
+BEYOND_THE_JOINT = 2.5  # times the joint's resonance: nobody mounts a sensor that is slower than what it is to show
+
+
 def _resonance_sizes(problem: Problem) -> tuple[float, float, float]:
     rate = _rate(problem)
     return 2.0 * rate, 0.7 * rate, 0.3 * rate
 
 
 def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    return {"frequency": (0.3 * problem.scales.frequency, 20.0 * _rate(problem))}
+    return {"frequency": (BEYOND_THE_JOINT * problem.scales.frequency, 20.0 * _rate(problem))}
 
 
 def _levels(problem: Problem) -> tuple[float, float, float]:

@@ -1,0 +1,85 @@
+"""The noise of a logged torque, which reaches the accelerometer's prediction through the joint's own resonance.
+
+A recorded input u + eta drives the model: what is left of the data is r = (G_0 - G_theta) u - G_theta eta + e. Least
+squares would damp the resonance until the noise no longer rings in it (Soderstrom 2007, on errors in variables). With
+G = N/A the residual is filtered by A_theta / B instead, B the spectral factor of |A|^2 + share w^4: monic over monic and
+minimum phase, so no determinant is owed, and A_theta r = A_theta y - N u is the prediction error of an ARMAX model
+(Ljung 1999, section 4.2), which is consistent. A follows theta, B stays as it was when the noise was estimated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.problem import Problem
+
+Vector = NDArray[np.float64]
+Pole = tuple[float, float]  # frequency [Hz] and damping ratio [-]
+
+
+@dataclass(frozen=True, eq=False)
+class Ringing:
+    """A/B of one channel.
+
+    Attributes:
+        numerator, denominator: Coefficients of A and B, shape (3,), the first 1.
+        rate: Sampling rate [Hz].
+    """
+
+    numerator: Vector
+    denominator: Vector
+    rate: float
+
+    def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Filter along the first axis from rest; same shape."""
+        return np.asarray(lfilter(self.numerator, self.denominator, x, axis=0))
+
+    def at(self, pole: Pole) -> Ringing:
+        """The same with A at another resonance."""
+        return replace(self, numerator=second_order(*pole, self.rate))
+
+
+def ringing(pole: Pole, share: float, rate: float) -> Ringing:
+    """The filter at ``rate`` [Hz] that whitens noise with spectrum 1 + share w^4 / |A(jw)|^2.
+
+    A = s^2 + 2 zeta w s + w^2; its spectral factor has w_b^4 = (1 + share) w^4 and
+    1 - 2 zeta_b^2 = (1 - 2 zeta^2) / sqrt(1 + share).
+
+    Args:
+        pole: Of the joint with its motor free.
+        share: Power of the torque's noise over the sensor's, both as seen by the sensor far below resonance [-].
+        rate: Of the sensor [Hz].
+    """
+    frequency, zeta = pole
+    broad = np.sqrt(max(0.5 * (1.0 - (1.0 - 2.0 * zeta**2) / np.sqrt(1.0 + share)), zeta**2))
+    wide = second_order(frequency * (1.0 + share) ** 0.25, float(broad), rate)
+    return Ringing(second_order(frequency, zeta, rate), wide, rate)
+
+
+def second_order(frequency: float, zeta: float, rate: float) -> Vector:
+    """Monic polynomial in z^-1 with the sampled poles of s^2 + 2 zeta w s + w^2, shape (3,)."""
+    w = 2.0 * np.pi * min(frequency, 0.45 * rate) / rate
+    return np.asarray(np.real(np.poly(np.exp(np.roots([1.0, 2.0 * zeta * w, w * w])))), dtype=np.float64)
+
+
+def resonance(problem: Problem, theta: Vector) -> Pole | None:
+    """The joint with its motor free: w^2 = K (1/J_M + 1/J_L), 2 zeta w = c (1/J_M + 1/J_L) + b_m/J_M^2 ...; ``None``
+    for a rig of one inertia.
+
+    The dampers of motor and load act with the mode's own shares: (b_m/J_M^2 + b_l/J_L^2) / (1/J_M + 1/J_L).
+    """
+    b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
+    if problem.rig.topology != "two-inertia" or min(b["stiffness"], b["motor_inertia"], b["load_inertia"]) <= 0.0:
+        return None
+    by_motor, by_load = 1.0 / b["motor_inertia"], 1.0 / b["load_inertia"]
+    both = by_motor + by_load
+    w = np.sqrt(b["stiffness"] * both)
+    outside = (b["motor_damping"] * by_motor**2 + b["load_damping"] * by_load**2) / both
+    zeta = 0.5 * (b["damping"] * both + outside) / w
+    return float(w / (2.0 * np.pi)), float(np.clip(zeta, 1e-3, 0.9))
