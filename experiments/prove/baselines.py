@@ -1,8 +1,13 @@
-"""What simpler ways would have said, in the same table: chance, the commonest answer, sparse regression on the residual.
+"""What simpler ways would have said, in the same table.
 
-Sparse regression: angles and speeds by integrating the accelerometer (or from the encoders), the equation of motion
-with everything linear in it, and a dictionary of residual torques from which forward selection by BIC takes one after
-the other (the usual discovery of equations, with its usual weaknesses: it needs the states, and sees no clock).
+All of them see the same regression: angles and speeds by integrating the accelerometer (or from the encoders), the
+equation of motion with everything linear in it, and a dictionary of residual torques. They differ in how they choose:
+
+- lowest training error: the one term that leaves least; it always names something;
+- AIC, BIC: forward selection while the criterion falls;
+- sparse regression: by BIC, and only terms that take away a material share of the residual (the usual discovery of
+  equations, with its usual weaknesses: it needs the states, and sees no clock);
+- latent force: a free function of the motion at each place instead of the dictionary; it finds a place, never a name.
 """
 
 from __future__ import annotations
@@ -20,6 +25,15 @@ from jointscope.recordings.campaign import Campaign, Nameplate, Run
 Real = NDArray[np.float64]
 LOW: Final = 3.0  # Hz below which an integrated acceleration is noise
 HIGH: Final = 150.0  # Hz above which a derivative is
+INDEPENDENT: Final = 8.0  # neighbouring samples of band-limited data count as one
+SPARSE: Final = "sparse regression on the residual"
+WAYS: Final = (
+    "lowest training error",
+    "AIC only",
+    "BIC only",
+    SPARSE,
+    "latent force only",
+)
 SHARE: Final = 0.05  # of the residual's energy that a term has to take away to be named
 
 
@@ -30,14 +44,30 @@ class Terms:
     known: Real
     base: Mapping[str, Real]
     candidates: Mapping[str, Real]
+    latent: Mapping[str, Real]  # by location, columns of a free function there, shape (n, k)
+
+
+def answers(campaign: Campaign) -> dict[str, dict[str, Any]]:
+    """What every simpler way says of a campaign, with the keys of a diagnosis that scoring reads."""
+    terms = [found for i, run in enumerate(campaign.runs) if (found := _terms(campaign.rig, run, i)) is not None]
+    if not terms:
+        return {way: _said(()) for way in WAYS}
+    size = sum(t.known.size for t in terms) / INDEPENDENT
+    return {
+        "lowest training error": _said(forward_selection(terms, most=1, price=-np.inf, share=-np.inf)),
+        "AIC only": _said(forward_selection(terms, most=3, price=2.0, share=0.0)),
+        "BIC only": _said(forward_selection(terms, most=3, price=float(np.log(size)), share=0.0)),
+        SPARSE: _said(forward_selection(terms)),
+        "latent force only": _latent_answer(terms),
+    }
 
 
 def sparse_regression(campaign: Campaign) -> dict[str, Any]:
-    """The answer of sparse regression, with the keys of a diagnosis that scoring reads."""
-    terms = [found for i, run in enumerate(campaign.runs) if (found := _terms(campaign.rig, run, i)) is not None]
-    if not terms:
-        return {"verdict": "none", "effects": [], "verdict_probability": None}
-    names = forward_selection(terms)
+    """The answer of sparse regression alone."""
+    return answers(campaign)[SPARSE]
+
+
+def _said(names: Sequence[str]) -> dict[str, Any]:
     effects: list[dict[str, Any]] = [
         {"effect": name.split("@")[0], "location": name.split("@")[1], "probability": None, "parameters": {}}
         for name in names
@@ -45,18 +75,31 @@ def sparse_regression(campaign: Campaign) -> dict[str, Any]:
     return {"verdict": "effects" if effects else "none", "effects": effects, "verdict_probability": None}
 
 
-def forward_selection(terms: Sequence[Terms], most: int = 2) -> list[str]:
-    """Candidates in the order in which they lower BIC, while each takes away a share of the residual's energy."""
-    names = [name for name in {n: None for t in terms for n in t.candidates}]
+def _stacked(terms: Sequence[Terms]) -> tuple[Real, Real]:
+    """The base's columns over all runs, shape (n, k), and what is known, shape (n,)."""
     bases = [name for name in {n: None for t in terms for n in t.base}]
-    known = np.concatenate([t.known for t in terms])
+    columns = [np.concatenate([t.base.get(name, np.zeros_like(t.known)) for t in terms]) for name in bases]
+    return np.column_stack(columns), np.concatenate([t.known for t in terms])
 
-    def column(name: str, kind: str) -> Real:
-        return np.concatenate([getattr(t, kind).get(name, np.zeros_like(t.known)) for t in terms])
 
-    matrix = np.column_stack([column(name, "base") for name in bases])
-    pool = {name: column(name, "candidates") for name in names}
+def forward_selection(
+    terms: Sequence[Terms], most: int = 2, price: float | None = None, share: float = SHARE
+) -> list[str]:
+    """Candidates in the order in which they lower the misfit, while each pays its price.
+
+    Args:
+        terms: Of every run.
+        most: Of them.
+        price: That a term has to gain in n ln(energy), n the number of independent samples; by default BIC's, ln n.
+        share: Of the residual's energy that a term has to take away.
+    """
+    matrix, known = _stacked(terms)
+    pool = {
+        name: np.concatenate([t.candidates.get(name, np.zeros_like(t.known)) for t in terms])
+        for name in {n: None for t in terms for n in t.candidates}
+    }
     chosen: list[str] = []
+    size = known.size / INDEPENDENT
     residual = _left(matrix, known)
     while len(chosen) < most:
         scores = {
@@ -67,14 +110,52 @@ def forward_selection(terms: Sequence[Terms], most: int = 2) -> list[str]:
             break
         name = min(scores, key=lambda key: scores[key])
         energy = float(residual @ residual)
-        # neighbouring samples of band-limited data are not independent: an eighth of them counts
-        gain = known.size / 8.0 * np.log(energy / max(scores[name], 1e-300))
-        if gain < np.log(known.size) or scores[name] > (1.0 - SHARE) * energy:
+        gain = size * np.log(energy / max(scores[name], 1e-300))
+        if gain < (np.log(size) if price is None else price) or scores[name] > (1.0 - share) * energy:
             break
         chosen.append(name)
         matrix = np.column_stack([matrix, pool[name]])
         residual = _left(matrix, known)
     return chosen
+
+
+def _latent_answer(terms: Sequence[Terms]) -> dict[str, Any]:
+    """Unknown, at the place whose free function leaves least, if that pays by BIC and is material; else none."""
+    matrix, known = _stacked(terms)
+    before = float(np.sum(_left(matrix, known) ** 2))
+    left: dict[str, float] = {}
+    freedom: dict[str, int] = {}
+    for place in {n: None for t in terms for n in t.latent}:
+        width = max(t.latent[place].shape[1] for t in terms if place in t.latent)
+        free = np.concatenate([_widened(t.latent.get(place), t.known.size, width) for t in terms])
+        left[place] = float(np.sum(_left(np.column_stack([matrix, free]), known) ** 2))
+        freedom[place] = width
+    if not left:
+        return _said(())
+    place = min(left, key=lambda key: left[key])
+    size = known.size / INDEPENDENT
+    gain = size * np.log(before / max(left[place], 1e-300))
+    if gain < freedom[place] * np.log(size) or left[place] > (1.0 - SHARE) * before:
+        return _said(())
+    return {"verdict": "unknown", "effects": [], "where": {"location": place}, "verdict_probability": None}
+
+
+def _widened(columns: Real | None, rows: int, width: int) -> Real:
+    """Columns filled up with zeros to a common width."""
+    out = np.zeros((rows, width))
+    if columns is not None:
+        out[:, : columns.shape[1]] = columns
+    return out
+
+
+def _free(motions: Sequence[Real], nodes: int = 7) -> Real:
+    """Columns of a free function of each motion, shape (n, k): hats on nodes spread over its range."""
+    columns = []
+    for y in motions:
+        at = np.linspace(float(np.min(y)), float(np.max(y)), nodes)
+        width = max(at[1] - at[0], 1e-300)
+        columns.append(np.maximum(1.0 - np.abs(y[:, None] - at) / width, 0.0))
+    return np.column_stack(columns)
 
 
 def _left(matrix: Real, y: Real) -> Real:
@@ -120,7 +201,13 @@ def _hit_terms(run: Run, place: int) -> Terms | None:
         "delay@acquisition": np.gradient(push) * rate,
     }
     base = {"inertia": qdd, "damping": qd, "stiffness": q}
-    return _weighed(_banded(push, rate), base, {name: _banded(y, rate) for name, y in candidates.items()})
+    free = {"load": _free([qd]), "transmission": _free([q])}
+    return _weighed(
+        _banded(push, rate),
+        base,
+        {name: _banded(y, rate) for name, y in candidates.items()},
+        {place: np.column_stack([_banded(y, rate) for y in columns.T]) for place, columns in free.items()},
+    )
 
 
 def _driven_terms(rig: Nameplate, run: Run, place: int) -> Terms | None:
@@ -166,7 +253,12 @@ def _driven_terms(rig: Nameplate, run: Run, place: int) -> Terms | None:
         tau = tau - rig.arm_mass * 9.80665 * (rig.arm_com_radius or 0.0) * np.cos(q)
     else:
         base.pop("weight")
-    return _weighed(tau, base, candidates)
+    latent = {
+        "motor": _free([speed, tau]),
+        "load": _free([_integrated(arm, rate, 1), q]),
+        "transmission": _free([arm, np.gradient(arm) * rate]),
+    }
+    return _weighed(tau, base, candidates, latent)
 
 
 def _smoothed(y: Real, rate: float) -> Real:
@@ -176,12 +268,13 @@ def _smoothed(y: Real, rate: float) -> Real:
     return np.convolve(padded, window / window.sum(), mode="same")[width:-width]
 
 
-def _weighed(known: Real, base: Mapping[str, Real], candidates: Mapping[str, Real]) -> Terms:
+def _weighed(
+    known: Real, base: Mapping[str, Real], candidates: Mapping[str, Real], latent: Mapping[str, Real]
+) -> Terms:
     """Every run weighs the same."""
     size = max(float(np.sqrt(np.mean(known**2))), 1e-300)
-    return Terms(
-        known / size, {k: v / size for k, v in base.items()}, {k: v / size for k, v in candidates.items()}
-    )
+    parts = [{k: v / size for k, v in part.items()} for part in (base, candidates, latent)]
+    return Terms(known / size, *parts)
 
 
 def chance(labels: int) -> float:

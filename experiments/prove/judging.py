@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from jointscope.experiments.prove.diagnosing import Answer
 
 BANDS: Final = (("trivial", 100.0), ("easy", 30.0), ("medium", 10.0), ("hard", 4.0), ("below", 0.0))
+
+VISIBLE: Final = 4.0  # z below which an effect counts as none
+NINETY: Final = 1.644854 / 1.959964  # half-width of a 90 % interval over that of a 95 % interval
 
 FAMILIES: Final[Mapping[str, str]] = {
     "coulomb-friction": "dissipative", "stribeck-friction": "dissipative", "load-dependent-friction": "dissipative",
@@ -35,10 +38,17 @@ class Judged:
         location: Whether the place is right; ``None`` where there is none to be right about.
         any_named: Pairs: at least one named and none wrong.
         probability: What the answer gave for its verdict as a whole; NaN where it gave nothing.
-        gain: (E_base - E_tool)/(E_base - E_floor) on the held-out runs, NaN where it can't be had.
+        gain: (E_base - E_tool)/(E_base - E_floor) on the held-out runs, E_floor the error of the truth itself, from
+            the noise that was added; NaN where it can't be had.
+        gain_fitted: The same towards the true structure fitted to the same runs by the same tool, where the diagnosis
+            states that structure's held-out error in its ranking.
         worse: Whether the held-out error grew; ``None`` where nothing was held out.
         error: |relative error| of the main parameter, NaN unless the effect was named and has one.
-        covered: Whether the 95 % interval holds it; ``None`` likewise.
+        covered: Whether the interval, scaled from 95 to 90 %, holds it; ``None`` likewise.
+        z: Distance of the truth from the refitted base [standard deviations].
+        laws: The concealed effects' laws.
+        nearest: The rival that z_d is the distance from.
+        shifted: Whether the answer reports base parameters that were off.
     """
 
     case: str
@@ -49,6 +59,9 @@ class Judged:
     departs: bool
     listed: bool
     z_d: float
+    z: float
+    laws: tuple[str, ...]
+    nearest: str
     status: str
     verdict: str
     reason: str
@@ -60,9 +73,11 @@ class Judged:
     any_named: bool
     probability: float
     gain: float
+    gain_fitted: float
     worse: bool | None
     error: float
     covered: bool | None
+    shifted: bool
 
 
 def band_of(truth: Mapping[str, Any]) -> str:
@@ -78,7 +93,7 @@ def judge(truth: Mapping[str, Any], answer: Answer) -> Judged:
 
     Right as a whole: a null answered "none"; named effects equal to the concealed ones, name and location; an
     unlisted effect answered "unknown"; below z_d = 4, where nothing can be told apart, "unknown", or a set that holds
-    the truth, or the truth itself.
+    the truth, or the truth itself; below z = 4, where nothing can be seen, "none" too.
     """
     said_all = answer.diagnosis or {}
     verdict = str(said_all.get("verdict", answer.status))
@@ -86,19 +101,25 @@ def judge(truth: Mapping[str, Any], answer: Answer) -> Judged:
     said = _said(said_all)
     band = band_of(truth)
     listed = all(effect["listed"] for effect in truth["effects"])
+    strength = truth["strength"] or {}
     exact = _right(truth["kind"], band, listed, labels, said, verdict, said_all)
+    if strength and strength["z"] < VISIBLE and verdict == "none":
+        exact = True
     named = bool(said) and set(said) <= set(labels)
     gain, worse = _held_out(said_all, truth)
     error, covered = _parameter(said_all, truth) if named else (math.nan, None)
     probability = said_all.get("verdict_probability")
     return Judged(
-        case=truth["case"], kind=truth["kind"], band=band, experiments=truth["experiments"], hard=truth["hard"],
+        case=truth["case"], kind=truth["kind"], band=band, experiments=truth["experiments"], hard=bool(truth.get("hard")),
         departs=any(effect["departs"] for effect in truth["effects"]), listed=listed,
-        z_d=truth["strength"]["z_d"] if truth["strength"] else math.nan, status=answer.status, verdict=verdict,
+        z_d=strength.get("z_d", math.nan), z=strength.get("z", math.nan),
+        laws=tuple(str(effect.get("law", "")) for effect in truth["effects"]), nearest=str(strength.get("nearest", "")),
+        status=answer.status, verdict=verdict,
         reason=str(said_all.get("unknown_reason") or ""), seconds=answer.seconds, truth=labels, said=said, exact=exact,
         location=_place(truth, said_all), any_named=named,
         probability=float(probability) if isinstance(probability, (int, float)) else math.nan,
-        gain=gain, worse=worse, error=error, covered=covered,
+        gain=gain, gain_fitted=_gain_fitted(said_all, labels), worse=worse, error=error, covered=covered,
+        shifted=bool(said_all.get("parameter_shift")),
     )  # fmt: skip
 
 
@@ -118,7 +139,7 @@ def _right(
         return verdict == "unknown"
     if said and said == labels:
         return True
-    if band != "below" and kind != "undecidable":
+    if band != "below":
         return False
     if verdict == "unknown":
         offered = diagnosis.get("candidates")
@@ -138,14 +159,14 @@ def _place(truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> bool | Non
 
 def _held_out(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> tuple[float, bool | None]:
     held = diagnosis.get("held_out")
-    if not held or not truth["effects"]:
+    if not held:
         return math.nan, None
     base, tool = held.get("base_error"), held.get("augmented_error")
     floors = [value for run in held.get("runs", ()) for value in truth["floor"].get(run, {}).values()]
     if not isinstance(base, (int, float)) or not isinstance(tool, (int, float)):
         return math.nan, None
     worse = tool > 1.001 * base
-    if not floors or base <= 1.02 * (floor := sum(floors) / len(floors)):
+    if not truth["effects"] or not floors or base <= 1.02 * (floor := sum(floors) / len(floors)):
         return math.nan, worse
     return (base - tool) / (base - floor), worse
 
@@ -162,11 +183,30 @@ def _parameter(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> tuple[
         if not said or not isinstance(said.get("value"), (int, float)) or true == 0.0:
             continue
         interval = said.get("interval95")
-        inside = bool(interval[0] <= true <= interval[1]) if interval and None not in interval else None
+        inside = _inside(said["value"], interval, true) if interval and None not in interval else None
         if known["main"] == "gain":  # how far off the gain is matters, not the 1 it starts from
             return abs(said["value"] - true) / abs(true - 1.0), inside
         return abs(said["value"] - true) / abs(true), inside
     return math.nan, None
+
+
+def _inside(value: float, interval95: Sequence[float], true: float) -> bool:
+    """Whether the interval holds ``true`` once its sides are scaled from 95 to 90 %."""
+    low, high = (value + NINETY * (end - value) for end in interval95)
+    return bool(low <= true <= high)
+
+
+def _gain_fitted(diagnosis: Mapping[str, Any], labels: tuple[str, ...]) -> float:
+    """Gain relative to the true structure fitted by the tool itself, from its ranking; NaN where that isn't stated."""
+    held = diagnosis.get("held_out") or {}
+    stated = [
+        entry["held_out_error"] for entry in diagnosis.get("ranking", ())
+        if labels and tuple(sorted(entry["effects"])) == labels and entry.get("held_out_error") is not None
+    ]  # fmt: skip
+    base, tool = held.get("base_error"), held.get("augmented_error")
+    if not stated or base is None or tool is None or base <= 1.02 * stated[0]:
+        return math.nan
+    return float((base - tool) / (base - stated[0]))
 
 
 def family(label: str) -> str:

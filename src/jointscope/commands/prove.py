@@ -3,6 +3,7 @@
   jointscope conceal --seed 7 --cases 60 --out out/draw
   jointscope prove out/draw --out out/proof
   jointscope prove out/draw --out out/proof --scheduler tcp://10.0.0.5:8786
+  jointscope prove out/draw --out out/proof --page docs/proof.md
 
 Every campaign of the draw is diagnosed by 'jointscope diagnose' in a process of its own, on a copy away from the
 seal. Only then is the seal opened, after its SHA-256 was compared with the one at the start; a changed seal or
@@ -21,7 +22,9 @@ reads the one that was installed as jointscope/diagnosis/calibration.json.
   jointscope conceal --seed 11 --cases 300 --draw calibration --out out/calibration
   jointscope prove out/calibration --calibrate diagnosis/calibration.json
 
-How often the seal has been opened is counted beside it and printed on the page.
+How often the seal has been opened, and on how many different sets of answers, is counted beside it and printed on
+the page. --page writes that page elsewhere, pictures and summary.json in a folder of the page's name beside it; where
+OUT holds a finished proof of this draw, it is made from that alone: nothing is diagnosed and no seal is opened.
 """
 
 from __future__ import annotations
@@ -48,6 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="learn the probability map and write it to FILE",
     )
+    parser.add_argument("--page", type=Path, default=None, metavar="FILE.md", help="write the page here as well")
     parser.add_argument("--json", action="store_true", help="print summary.json instead of the table")
 
 
@@ -56,33 +60,23 @@ def run(options: argparse.Namespace) -> int:
     import json
 
     from jointscope.experiments.prove import page
-    from jointscope.experiments.prove.proof import prove
+    from jointscope.experiments.prove.proof import prove, publish, saved
 
     folder = Path(options.draw)
     out = options.out or folder.with_name(folder.name + "-proof")
-    summary = prove(
-        folder,
-        out,
-        workers=options.workers,
-        limit=options.seconds,
-        first=options.limit,
-        scheduler=options.scheduler,
-    )
-    if options.calibrate is not None:
-        import sys
-
-        from jointscope.experiments.prove.calibrate import learn_map
-
-        learnt = learn_map(out, options.calibrate)
-        errors = ", ".join(f"{name} {value:.3f}" for name, value in learnt["calibration_error"].items())
-        print(f"learnt from {learnt['cases']} answers; calibration error {errors}", file=sys.stderr)
+    summary = saved(folder, out) if options.page else None
+    if summary is None:
+        summary = prove(
+            folder, out, workers=options.workers, limit=options.seconds, first=options.limit,
+            scheduler=options.scheduler,
+        )  # fmt: skip
+    if options.page:
+        publish(summary, options.page)
     if options.json:
         print(json.dumps(summary, indent=1, sort_keys=True))
         return 0
-    print(f"seal {summary['seal']}, opened {summary['openings']} time(s); {summary['cases']} cases")
+    print(f"seal {summary['seal']}, opened {summary['openings']['times']} time(s); {summary['cases']} cases")
     for row in summary["table"]:
-        value = row["value"]
-        shown = page.percent(value) if isinstance(value, dict) else page.number(value, row["unit"])
-        print(f"  {row['name']:<62} {shown}")
-    print(f"{out / 'proof.md'}")
+        print(f"  {row['name']:<90} {page.shown(row)}")
+    print(f"{options.page or out / 'proof.md'}")
     return 0
