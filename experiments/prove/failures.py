@@ -36,6 +36,37 @@ CLASSES: Final[Mapping[str, str]] = {
 }
 
 
+TELLS: Final[Mapping[str, str]] = {
+    "coulomb-friction": "sweeps at two levels or more, and slow motions that reverse",
+    "stribeck-friction": "a motion that spends seconds below 0.05 rad/s in either direction",
+    "load-dependent-friction": "the same motion with and without a payload, in all four quadrants of torque and speed",
+    "quadratic-damping": "hits over a decade of level: its damping grows with the amplitude, others' don't",
+    "backlash": "hits over a decade of level, and again under a constant preload, which makes it vanish",
+    "stiffness-nonlinearity": "a slow ramp of torque against the braked joint, with the wind-up measured",
+    "hysteresis": "quasi-static torque loops at two amplitudes, and hits over a decade of level",
+    "structural-damping": "hits with two payloads: a loss factor stays, a viscous ratio doesn't",
+    "transmission-error": "slow motions at two speeds: its lines follow the position",
+    "torque-ripple": "slow motions at two speeds with the motor angle logged",
+    "drive-lag": "a sweep to higher frequencies with the motor angle logged: a lag also loses gain, a delay doesn't",
+    "torque-gain": "hits on the same rig, whose force cell gives the inertia that the torque is measured against",
+    "gravity": "the same experiment at two postures, and the holding torque at rest",
+    "payload": "hits with and without a known added mass",
+    "link-flexibility": "hits at two places along the arm, and the accelerometer moved",
+    "base-compliance": "an accelerometer on the base, or hits on the base",
+    "neighbour-flexibility": "hits at two postures, and with the neighbour's brake on and off",
+    "end-stop": "a motion that stays clear of the range in question",
+    "stiffness-drift": "equal hits at the beginning and the end of the session, levels in random order",
+    "external-vibration": "a record of the machine at rest, longer than a hit's",
+    "delay": "a common trigger or one signal recorded by both devices",
+    "clock-drift": "one run of a minute, with a signal recorded by both devices at its beginning and end",
+    "sensor-tilt": "the accelerometer turned by 90 degrees, or a motion that turns it in gravity",
+    "sensor-resonance": "the accelerometer glued instead of clamped, or a second one beside it",
+    "sensor-saturation": "the same hits at half the level, or the next larger range",
+    "sensor-gain": "a hit on a free known mass with the same sensors",
+    "torque-logging": "the torque logged at a higher rate, or by the DAQ",
+}
+
+
 def failure(j: Judged, diagnosis: Mapping[str, Any] | None) -> str | None:
     """The class of a wrong answer; ``None`` of a right one."""
     if j.exact:
@@ -120,6 +151,7 @@ def example(j: Judged, diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -
         "held_out": {key: held.get(key) for key in ("base_error", "augmented_error", "noise_floor")} if held else None,
         "where": (diagnosis.get("where") or {}).get("location"), "next_experiment": diagnosis.get("next_experiment"),
         "why": why(j, ranking, truth),
+        "tells": {name: TELLS[name] for name in sorted({e["effect"] for e in truth["effects"]}) if name in TELLS},
     }  # fmt: skip
 
 

@@ -100,9 +100,10 @@ def judge(truth: Mapping[str, Any], answer: Answer) -> Judged:
     labels = tuple(sorted(f"{e['effect']}@{e['location']}" for e in truth["effects"]))
     said = _said(said_all)
     band = band_of(truth)
+    kind = str(truth["kind"]) if labels else "null"
     listed = all(effect["listed"] for effect in truth["effects"])
     strength = truth["strength"] or {}
-    exact = _right(truth["kind"], band, listed, labels, said, verdict, said_all)
+    exact = _right(kind, band, listed, labels, said, verdict, said_all)
     if strength and strength["z"] < VISIBLE and verdict == "none":
         exact = True
     named = bool(said) and set(said) <= set(labels)
@@ -110,7 +111,8 @@ def judge(truth: Mapping[str, Any], answer: Answer) -> Judged:
     error, covered = _parameter(said_all, truth) if named else (math.nan, None)
     probability = said_all.get("verdict_probability")
     return Judged(
-        case=truth["case"], kind=truth["kind"], band=band, experiments=truth["experiments"], hard=bool(truth.get("hard")),
+        case=truth["case"], kind=kind, band=band, experiments=truth["experiments"],
+        hard=bool(truth.get("hard", truth["kind"] == "hard-null")),
         departs=any(effect["departs"] for effect in truth["effects"]), listed=listed,
         z_d=strength.get("z_d", math.nan), z=strength.get("z", math.nan),
         laws=tuple(str(effect.get("law", "")) for effect in truth["effects"]), nearest=str(strength.get("nearest", "")),

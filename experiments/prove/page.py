@@ -150,9 +150,7 @@ def _pictures(folder: str) -> str:
              f" ![Shares right against z_d]({folder}power.png)", "",
              "Rows are the truth, columns the answer, shaded by the share of the row; framed where the answer is right.",
              ""]  # fmt: skip
-    return "\n".join(
-        lines + [f"![Confusion of {level}s]({folder}confusion-{level}.png)" for level in LEVELS[::-1]]
-    )
+    return "\n".join(lines + [f"![Confusion by {level}]({folder}confusion-{level}.png)" for level in LEVELS[::-1]])
 
 
 def _failures(summary: Mapping[str, Any]) -> str:
@@ -192,9 +190,11 @@ def _example(case: Mapping[str, Any]) -> list[str]:
         answer = f"with the answer {held['augmented_error']:.4f}"
         lines.append(f"- Held-out error: base {held['base_error']:.4f}, {answer}{floor}.")
     lines.append(f"- Why: {case['why']}")
-    told = case["next_experiment"]
-    lines.append(f"- What would have told, by the answer itself: {told}." if told else "- The answer asks for no further"
-                 " experiment.")  # fmt: skip
+    told = [f"{text} (shows {effect})" for effect, text in case["tells"].items()]
+    if case["next_experiment"]:
+        told.insert(0, f"the answer itself asks for {case['next_experiment']}")
+    if told:
+        lines.append("- What would have told: " + "; ".join(told) + ".")
     return lines
 
 

@@ -101,6 +101,9 @@ def power_curve(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path)
         xscale="log", xlabel="discriminability z_d [standard deviations]", ylabel="share right", ylim=(0, 1.03)
     )
     low, high = axes.get_xlim()
+    axes.set_xticks([x for x in (1, 2, 4, 10, 30, 100, 300, 1000, 3000) if low < x < high])
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.minorticks_off()
     for edge, name in ((4.0, "hard"), (10.0, "medium"), (30.0, "easy"), (100.0, "trivial")):
         if low < edge < high:
             axes.axvline(edge, color=QUIET, linewidth=0.8, linestyle=":", zorder=0)

@@ -174,9 +174,9 @@ def test_the_whole_proof_from_kept_answers(tmp_path):
     rows = {row["name"]: row for row in summary["table"]}
     assert rows["false alarms on nulls: any physics named"]["value"]["hits"] == 1
     assert rows["single, name and location exact: medium"]["value"]["hits"] == 1
-    assert (out / "proof.md").read_text().startswith("# Diagnosis on concealed recordings")
+    assert (out / "proof.md").read_text().startswith("# The proof: effects concealed")
     assert (out / "reliability.png").stat().st_size > 1000
-    assert prove(tmp_path / "draw", out, workers=1, limit=10.0, first=None)["openings"] == 2
+    assert prove(tmp_path / "draw", out, workers=1, limit=10.0, first=None)["openings"] == {"times": 2, "answers": 1}
 
 
 def test_a_campaign_that_was_exchanged_is_refused(tmp_path):
