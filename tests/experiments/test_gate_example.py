@@ -96,7 +96,18 @@ def test_the_job_is_green_on_the_robot_as_it_is(repository):
         ('armature="9.105498"', 'armature="9.105498" frictionloss="3"', "Gates", ("left out",)),
         ('armature="9.105498"', 'armature="0.000458"', "Model and nameplate belong together", ()),
     ],
-    ids=["stiffness 5 % high", "friction nobody predicts", "armature on the shaft"]
+    ids=["stiffness 5 % high", "friction nobody predicts", "armature on the shaft"],
+)
+def test_the_job_is_red_on_a_broken_robot(repository, tmp_path, old, new, step, claims):
+    """The broken step is the one that sees it, the summary is written all the same."""
+    folder = tmp_path / "repository"
+    shutil.copytree(repository, folder, ignore=shutil.ignore_patterns("gates", "step-summary.md"))
+    text = (folder / "robot.xml").read_text()
+    assert text.count(old) == 1
+    (folder / "robot.xml").write_text(text.replace(old, new))
+    failed, summary = run_job(folder)
+    assert failed == step
+    red = [row["claim"] for row in gates(folder)["gates"] if row["status"] != "PASS"] if claims else []
     for words in claims:
         assert any(words in claim for claim in red), summary
     assert not claims or "**FAIL**" in summary
