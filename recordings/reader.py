@@ -30,7 +30,20 @@ def read_campaign(path: Path | str, *, missing_outputs: MissingOutputs = "refuse
     """
     file = Path(path)
     file = file / "campaign.toml" if file.is_dir() else file
-    document = parse_campaign(file)
+    return campaign_of(parse_campaign(file), file, missing_outputs=missing_outputs)
+
+
+def campaign_of(document: Table, file: Path, *, missing_outputs: MissingOutputs = "refuse") -> Campaign:
+    """The campaign that a checked document describes.
+
+    Args:
+        document: As ``parse_campaign`` returns it.
+        file: Where the document stands, or would: data files are looked for beside it.
+        missing_outputs: As for :func:`read_campaign`.
+
+    Raises:
+        CampaignError: A data file breaks the format.
+    """
     files: dict[str, DataFile] = {}
     return Campaign(
         path=file.parent,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -14,12 +14,15 @@ from jointscope.errors import InputError
 from jointscope.recordings.draft.guesses import Draft, guess_channel
 from jointscope.recordings.draft.records import Record
 from jointscope.recordings.draft.runs import RunDraft, guess_experiment, hit_windows, run_identity, stream_draft
+from jointscope.recordings.files import Column
+from jointscope.recordings.files.ros_file import EFFORT
 from jointscope.recordings.schema import CHANNEL, RIG
 
 Ask = Callable[[str, str], str]
 """Takes a question and the answer that is assumed without one; returns the answer."""
 
 _RUN_KEYS: Final = ("experiment", "arm_angle", "brake", "role")
+EFFORTS: Final = ("torque", "current")
 _FILE_KEYS: Final = ("sampling_rate", *_RUN_KEYS)
 
 
@@ -81,10 +84,25 @@ def draft_campaign(
     for record in records:
         channels = _channels(record, rig.values["motion"], answers.get("columns", {}), ask, unplaced)
         if channels:
+            _ratio(record, channels, rig, ask)
             runs += _runs_of(record, names[record.file], channels, rig, answers, ask, taken)
+    runs = _of_one_take(runs, {names[record.file] for record in records if record.simultaneous})
     if answers.get("run", {}).get("together", False) and len(runs) > 1:
         runs = [RunDraft(runs[0].keys, tuple(stream for run in runs for stream in run.streams))]
     return rig, runs, unplaced
+
+
+def _of_one_take(runs: Sequence[RunDraft], files: Collection[str]) -> list[RunDraft]:
+    """Records of a file on one clock joined to one run; what it was taken for is said by the record that was driven."""
+    joined: dict[str, list[RunDraft]] = {}
+    for number, run in enumerate(runs):
+        file = str(run.streams[0][0].values["file"])
+        joined.setdefault(file if file in files else f"{number}/{file}", []).append(run)
+    found = []
+    for parts in joined.values():
+        main = next((part for part in parts if part.keys.values["experiment"] != "free"), parts[0])
+        found.append(RunDraft(main.keys, tuple(stream for part in parts for stream in part.streams)))
+    return found
 
 
 def _rig(stated: Mapping[str, Any], ask: Ask | None) -> Draft:
@@ -116,6 +134,8 @@ def _channels(
     found = []
     for column in record.columns:
         stated = columns.get(column.name, columns.get(column.name.rsplit("/", 1)[-1], {}))
+        if column.label == EFFORT and "quantity" not in stated and not stated.get("ignore", False):
+            stated = {**stated, **_effort(record, column, ask)}
         draft = guess_channel(column, motion, stated)
         if draft is None and not stated.get("ignore", False) and ask:
             quantity = ask(f"{record.file.name}, {column.name}: what does it measure (empty: nothing of use)?", "")
@@ -131,6 +151,42 @@ def _channels(
                 draft.state("radius", float(answer))
         found.append(draft)
     return found
+
+
+def _effort(record: Record, column: Column, ask: Ask | None) -> dict[str, str]:
+    """Whether an effort is a torque or a current: nothing in a bag says it, so somebody must."""
+    question = (
+        f"{record.file.name}, {column.name}: torque (N m) or current (A)? the UR driver's default is current"
+    )
+    said = ask(question, "").strip().lower() if ask else ""
+    if said not in EFFORTS:
+        raise InputError(
+            record.file, column.name, "an effort is a torque or a current, and nothing in the file says which",
+            fix="say --effort torque or --effort current; drivers differ, and the UR driver's default is current",
+        )  # fmt: skip
+    return effort_answer(said)
+
+
+def _ratio(record: Record, channels: Sequence[Draft], rig: Draft, ask: Ask | None) -> None:
+    """A torque at the output means nothing to the motor without the ratio."""
+    behind = next((c.values["column"] for c in channels if c.values.get("side") == "output"), None)
+    if behind is None or "reduction_ratio" in rig.values:
+        return
+    said = ask("reduction ratio, motor turns per output turn?", "") if ask else ""
+    try:
+        rig.state("reduction_ratio", float(said))
+    except ValueError:
+        raise InputError(
+            record.file, behind, "a torque at the joint's output needs the ratio to the motor shaft",
+            fix="say it in --answers: [rig] reduction_ratio = ...",
+        ) from None  # fmt: skip
+
+
+def effort_answer(said: str) -> dict[str, str]:
+    """A channel's keys for an effort that is said to be a ``torque`` or a ``current``."""
+    if said == "torque":
+        return {"quantity": "torque", "unit": "N m", "location": "motor", "side": "output"}
+    return {"quantity": "current", "unit": "A", "location": "motor"}
 
 
 def _runs_of(

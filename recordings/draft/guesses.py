@@ -64,6 +64,8 @@ def guess_channel(column: Column, motion: str, answers: Mapping[str, Any]) -> Dr
         draft.state(key, value)
     if draft.values.pop("ignore", False):
         return None
+    for key, (value, why) in column.meaning.items():
+        draft.guess(key, _quantity(value, motion) if key == "quantity" else value, why)
     unit = declared_by_label(column.unit)
     if "quantity" not in draft.values:
         kind, why = _kind(column, unit)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +27,7 @@ class Record:
         rate_from: What says it, for a comment.
         time: The column of time stamps in seconds, or ``None``.
         uniform: Whether those stamps are uniform, so that they need not be named.
+        simultaneous: Whether the file's records are parts of one take: their stamps then give each one's start.
         columns: Everything but the time column.
     """
 
@@ -38,6 +39,7 @@ class Record:
     time: str | None
     uniform: bool
     columns: tuple[Column, ...]
+    simultaneous: bool = False
 
 
 def records_of(path: Path) -> tuple[Record, ...]:
@@ -47,11 +49,14 @@ def records_of(path: Path) -> tuple[Record, ...]:
     for column in data.columns.values():
         groups[_group(column, data), column.length, column.frequency is not None].append(column)
     lone = len({name for name, _, _ in groups}) == 1
-    return tuple(_record(path, "" if lone else key[0], columns) for key, columns in groups.items())
+    records = (_record(path, "" if lone else key[0], columns) for key, columns in groups.items())
+    return tuple(replace(record, simultaneous=data.simultaneous) for record in records if record.columns)
 
 
 def _group(column: Column, data: DataFile) -> str:
-    """TDMS groups and LVM records by their first part, structs by the path up to the field."""
+    """By the clock where the file names one; TDMS groups and LVM records by their first part, structs up to the field."""
+    if column.clock is not None:
+        return column.clock.rsplit("/", 1)[0]
     if data.path.suffix.lower() in (".tdms", ".lvm"):
         return column.name.split("/", 1)[0] if "/" in column.name else ""
     parts = re.split(r"[./]", re.sub(r"\[\d+\]$", "", column.name))
@@ -81,6 +86,9 @@ def _record(path: Path, name: str, columns: list[Column]) -> Record:
 
 def _time_column(columns: list[Column]) -> tuple[str | None, float | None, bool]:
     """Name, step [s] and uniformity of a column that counts time: rising, evenly, and called so."""
+    clock = next((column for column in columns if column.name == column.clock), None)
+    if clock is not None and clock.length >= 3:
+        return _clock(clock)
     for column in columns:
         if not _TIME_NAME.match(column.name) or column.length < 3:
             continue
@@ -95,6 +103,17 @@ def _time_column(columns: list[Column]) -> tuple[str | None, float | None, bool]
         uniform = bool((steps < 1.5 * step).all()) and float(np.abs(steps - step).max()) < 0.02 * step
         return column.name, mean if uniform else step, uniform
     return None, None, True
+
+
+def _clock(column: Column) -> tuple[str, float, bool]:
+    """The same for stamps that the file ties to its columns: the mean step of those rows that are there."""
+    stamps = np.asarray(column.read(), dtype=np.float64)
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    count = np.maximum(1.0, np.rint(steps / usual)) if usual > 0.0 else np.ones_like(steps)
+    step = float(stamps[-1] - stamps[0]) / float(count.sum())
+    uniform = bool((count == 1.0).all()) and float(np.abs(steps - step).max()) < 0.02 * step
+    return column.name, step, uniform
 
 
 def _in_seconds(step: float) -> tuple[float, str]:

@@ -71,8 +71,9 @@ def stream_draft(record: Record, name: str, rate: float | None) -> Draft:
         draft.guess("sampling_rate", rate, record.rate_from)
     elif rate is not None:
         draft.state("sampling_rate", rate)
-    if record.time is not None and not record.uniform:
+    if record.time is not None and (record.simultaneous or not record.uniform):
         draft.state("time", record.time)
+    if record.time is not None and not record.uniform:
         draft.guess("gaps", "mask", "the time stamps are not uniform; rows may be missing")
     return draft
 

@@ -26,6 +26,9 @@ class Column:
         coherence: Shape (length,), where the file holds it.
         averages: Number of averages, where the file says it.
         label: What the file calls the column beside its name.
+        clock: Name of the column with its time stamps [s], where the file ties one to it.
+        meaning: Keys of a campaign's channel that the file's format implies, each with the reason.
+        joint: The joint that the file says it is of, or ``None``.
     """
 
     name: str
@@ -38,6 +41,9 @@ class Column:
     coherence: NDArray[np.float64] | None = field(default=None, repr=False)
     averages: int | None = None
     label: str = ""
+    clock: str | None = None
+    meaning: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    joint: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,11 +52,13 @@ class DataFile:
 
     Attributes:
         aliases: Other names of columns: UFF degrees of freedom, matrix columns by their path.
+        simultaneous: Whether all its records are parts of one take, their stamps on one clock.
     """
 
     path: Path
     columns: Mapping[str, Column]
     aliases: Mapping[str, str] = field(default_factory=dict)
+    simultaneous: bool = False
 
     def find(self, name: str) -> Column | None:
         """The column called ``name``, or ``None``."""

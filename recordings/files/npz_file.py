@@ -11,6 +11,7 @@ from jointscope.recordings.files.columns import DataFile, held, spread
 
 def open_file(path: Path) -> DataFile:
     """Open ``path``; pickled objects are refused."""
-    with np.load(path, allow_pickle=False) as archive:
+    # opened here: np.load leaves a file open that turns out to be half a zip
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = [column for name in archive.files for column in spread(name, archive[name])]
     return DataFile(path=path, columns={name: held(name, values) for name, values in arrays})

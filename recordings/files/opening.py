@@ -6,13 +6,13 @@ import importlib
 from pathlib import Path
 from typing import Final
 
-from jointscope.errors import CampaignError
+from jointscope.errors import CampaignError, MissingExtraError
 from jointscope.recordings.files.columns import DataFile
 
 _READERS: Final = {
     ".csv": "csv_file", ".txt": "csv_file", ".tsv": "csv_file", ".npz": "npz_file", ".h5": "hdf5_file",
     ".hdf5": "hdf5_file", ".mat": "mat_file", ".uff": "uff_file", ".unv": "uff_file", ".tdms": "tdms_file",
-    ".lvm": "lvm_file",
+    ".lvm": "lvm_file", ".bag": "ros_file", ".mcap": "ros_file", ".db3": "ros_file", ".mf4": "mdf_file", ".mdf": "mdf_file",
 }  # fmt: skip
 SUFFIXES: Final = tuple(_READERS)
 
@@ -22,6 +22,7 @@ def open_data_file(path: Path) -> DataFile:
 
     Raises:
         CampaignError: The suffix is unknown, or the file isn't what its suffix says.
+        MissingExtraError: The library that reads it is an extra that isn't installed.
     """
     name = _READERS.get(path.suffix.lower())
     if name is None:
@@ -31,7 +32,7 @@ def open_data_file(path: Path) -> DataFile:
     reader = importlib.import_module(f"jointscope.recordings.files.{name}")
     try:
         opened: DataFile = reader.open_file(path)
-    except CampaignError:
+    except (CampaignError, MissingExtraError):
         raise
     except Exception as problem:  # libraries raise what they like at a broken file; the user needs its name
         said = " ".join(str(problem).split()) or type(problem).__name__

@@ -12,6 +12,7 @@ COMMANDS: dict[str, str] = {
     "identify": "stiffness, inertia, damping and modes with intervals, from hammer hits or torque and angles",
     "predict": "arm vibration from the motor's torque or current, written per run",
     "diagnose": "what physics the base model left out, where, how large and how sure",
+    "rehearse": "which effects would be seen and named with the recordings you have, on a simulation of your own rig",
     "conceal": "write recordings in which an effect is concealed, its truth sealed",
     "prove": "diagnose concealed recordings, then open the seal and score",
     "confirm": "re-run held-out experiments in MuJoCo with and without the diagnosed effect",
@@ -20,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "reproduce": "the paper's figures and tables beside its numbers",
     "gate": "accuracy gates: claims with bounds, measured anew, for CI",
     "compare": "what changed between two results, against their intervals",
+    "watch": "at the bench: good or repeat after each take, and what is still missing",
     "sensitivity": "how much each parameter matters to what users care about",
     "selfcheck": "the simulator's own error against the closed form",
 }
