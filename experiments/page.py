@@ -143,7 +143,7 @@ def _section(section: Section, most: int) -> str:
     if section.markup:
         parts.append(section.markup)
     if section.table is not None:
-        parts.append(_table(section.table))
+        parts.append(table_markup(section.table))
     parts += [_chart(chart, most) for chart in section.charts]
     if section.tabs:
         tabs = (
@@ -152,7 +152,7 @@ def _section(section: Section, most: int) -> str:
             for k, tab in enumerate(section.tabs)
         )
         parts.append(f'<div class="tabs">{"".join(tabs)}</div>')
-    parts += [_picture(picture) for picture in section.pictures]
+    parts += [picture_markup(picture) for picture in section.pictures]
     parts += [f'<p class="note">{html.escape(note)}</p>' for note in section.notes]
     return "\n".join(parts)
 
@@ -165,7 +165,8 @@ def _chart(chart: Chart | Missing, most: int) -> str:
     return chart_markup(chart, most)
 
 
-def _table(table: Table) -> str:
+def table_markup(table: Table) -> str:
+    """A table that scrolls sideways where it must."""
     head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in table.columns)
     rows = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>\n" for row in table.rows)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table></div>'
@@ -183,7 +184,8 @@ def _cell(cell: str) -> str:
     return f"<td{kind}>{html.escape(cell)}</td>"
 
 
-def _picture(picture: Picture) -> str:
+def picture_markup(picture: Picture) -> str:
+    """The picture's file, inside the page."""
     data = base64.b64encode(picture.path.read_bytes()).decode("ascii")
     caption = html.escape(picture.caption)
     return f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'

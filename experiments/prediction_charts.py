@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.experiments.charts.chart import Chart, Panel, Series, Span
+from jointscope.experiments.page import pretty
 from jointscope.prediction.base_model import ChannelPrediction, RunPrediction
 from jointscope.prediction.run_scores import ChannelScore, shifted
 from jointscope.prediction.spectra import spectrum
@@ -62,7 +63,7 @@ def _told(score: ChannelScore) -> str:
 
 def _row(channel: ChannelPrediction, score: ChannelScore, band: ChannelBand | None) -> list[Panel]:
     declared = channel.signal.channel
-    unit = si_unit(declared)
+    unit = pretty(si_unit(declared))
     recorded, predicted = channel.signal.samples, shifted(channel, score.clock_offset)
     title = f"{score.column}: {declared.quantity.replace('-', ' ')} at the {declared.location}"
     t = channel.times

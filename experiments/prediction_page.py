@@ -89,7 +89,7 @@ def _first(
             "Use the model as it is." if worst.base < GOOD else
             "Run jointscope diagnose on this campaign: it says which physics the model leaves out, or that none is missing."
         )  # fmt: skip
-    bars = error_bars(errors)
+    bars = error_bars(errors, "error")
     return FirstScreen(verdict=verdict, facts=facts, next_step=step, markup=(drawing, bars)), errors
 
 

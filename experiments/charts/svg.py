@@ -45,7 +45,11 @@ def chart_markup(chart: Chart, most: int = MOST_POINTS) -> str:
 
 def _key(name: str, index: int, series: Series) -> str:
     kind = " fill" if series.low is not None else ""
-    shape = {"o": "M14 5h0", "x": "M10.5 1.5l7 7m0-7l-7 7", "": "M1 5H27"}[series.mark]
+    shape = {
+        "o": "M14 5h0",
+        "x": "M10.5 1.5l7 7m0-7l-7 7",
+        "": "M1 1H27V9H1z" if series.low is not None else "M1 5H27",
+    }[series.mark]
     mark = f" m{series.mark}" if series.mark else ""
     return (
         f'<button type="button" aria-pressed="true" data-s="{index}"><svg viewBox="0 0 28 10" width="28" height="10" '

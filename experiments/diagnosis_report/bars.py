@@ -42,8 +42,13 @@ def _mean(values: Sequence[float]) -> float:
     return sum(known) / len(known) if known else float("nan")
 
 
-def error_bars(found: Sequence[Pair]) -> str:
-    """The drawing; the axis is logarithmic, as errors and floors are often decades apart."""
+def error_bars(found: Sequence[Pair], name: str = "base") -> str:
+    """The drawing; the axis is logarithmic, as errors and floors are often decades apart.
+
+    Args:
+        found: One group of bars each.
+        name: Written at the first bar.
+    """
     shown = [p for p in found if math.isfinite(p.base) and p.base > 0.0]
     if not shown:
         return ""
@@ -55,12 +60,14 @@ def error_bars(found: Sequence[Pair]) -> str:
         return left + width * (math.log10(max(value, 10.0**low)) - low) / (high - low)
 
     bottom = row * len(shown) + 6.0
+    floors = "; dashed: noise floor" if any(math.isfinite(p.floor) for p in shown) else ""
     parts = [
         "<style>.eb text{font:12px system-ui,sans-serif;fill:var(--ink);paint-order:stroke;stroke:var(--paper);"
         "stroke-width:3px}.eb .grid{stroke:var(--line)}.eb .b{fill:var(--base)}.eb .c{fill:var(--corrected)}"
         ".eb .f{stroke:var(--ink);stroke-width:2;stroke-dasharray:5 3}</style>"
     ]
-    for decade in range(low, high + 1):
+    every = max(1, math.ceil((high - low) / 6))
+    for decade in range(low, high + 1, every):
         at = x(10.0**decade)
         parts.append(f'<line class="grid" x1="{at:.1f}" x2="{at:.1f}" y1="4" y2="{bottom}"/>')
         parts.append(
@@ -69,21 +76,21 @@ def error_bars(found: Sequence[Pair]) -> str:
     for index, pair in enumerate(shown):
         top = row * index + 4.0
         parts.append(f'<text x="{left}" y="{top + 12}" font-weight="600">{html.escape(pair.label)}</text>')
-        bars = [("b", pair.base, "base")]
+        bars = [("b", pair.base, name)]
         if pair.corrected is not None and math.isfinite(pair.corrected):
             bars.append(("c", pair.corrected, "corrected"))
         labels = []
-        for line, (kind, value, name) in enumerate(bars):
+        for line, (kind, value, told) in enumerate(bars):
             y = top + 16.0 + 16.0 * line
             parts.append(
                 f'<rect class="{kind}" x="{left}" y="{y}" width="{max(x(value) - left, 1.0):.1f}" height="13"/>'
             )
-            labels.append(f'<text x="{x(value) + 6:.1f}" y="{y + 11}">{name} {100.0 * value:.3g} %</text>')
+            labels.append(f'<text x="{x(value) + 6:.1f}" y="{y + 11}">{told} {100.0 * value:.3g} %</text>')
         if math.isfinite(pair.floor) and pair.floor > 0.0:
             at = x(pair.floor)
             parts.append(f'<line class="f" x1="{at:.1f}" x2="{at:.1f}" y1="{top + 14}" y2="{top + 48}"/>')
         parts += labels
-    parts.append(f'<text x="{left}" y="{bottom + 32}">RMS error over RMS signal; dashed: noise floor</text>')
+    parts.append(f'<text x="{left}" y="{bottom + 32}">RMS error over RMS signal{floors}</text>')
     return (
         f'<svg class="eb" viewBox="0 0 520 {bottom + 38}" width="520" role="img">'
         f"<title>Prediction error per experiment and channel</title>{''.join(parts)}</svg>"

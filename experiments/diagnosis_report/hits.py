@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ Vector = NDArray[np.float64]
 DROP = 10.0  # [-], 20 dB: a force spectrum is usable down to a tenth of its largest value (ISO 7626-5)
 _AFTER = 4.0  # contact times shown after the peak
 _BEFORE = 2.0
+_DRIVEN_BY: tuple[tuple[Literal["force", "torque"], str], ...] = (("force", "N"), ("torque", "N m"))
 _GAP = np.array([np.nan])
 
 
@@ -38,7 +40,7 @@ def hit_of(run: Run) -> Hit | None:
     """The force of a hammer run; None of another run, or where it was not recorded."""
     if run.experiment != "hammer":
         return None
-    for quantity in ("force", "torque"):
+    for quantity, _ in _DRIVEN_BY:
         for signal in run.select(quantity, role="input"):
             samples = signal.channel.samples
             if samples is not None:
@@ -50,7 +52,7 @@ def hit_of(run: Run) -> Hit | None:
 def hits_unit(runs: Sequence[Run]) -> str:
     """Unit of what hits the arm; without one where the force is not calibrated."""
     for run in runs:
-        for quantity, unit in (("force", "N"), ("torque", "N m")):
+        for quantity, unit in _DRIVEN_BY:
             for signal in run.select(quantity, role="input") if run.experiment == "hammer" else ():
                 return (
                     unit if signal.channel.unit != "1" or signal.channel.scale is not None else "units of the file"

@@ -12,6 +12,7 @@ from jointscope.experiments.diagnosis_report.wording import (
     interval,
     trade_unit,
 )
+from jointscope.experiments.own_model.sections import simulation_sections
 from jointscope.experiments.page import Section, Table
 
 RANKED = 10  # rows of the ranking that are shown; diagnosis.json holds more
@@ -19,24 +20,7 @@ RANKED = 10  # rows of the ranking that are shown; diagnosis.json holds more
 
 def simulation(answer: Mapping[str, Any]) -> list[Section]:
     """The four shares of held-out error, where the answer has them: first among the tables."""
-    found = answer.get("simulation")
-    if not found:
-        return []
-    return [
-        Section(
-            heading="Whose error it is",
-            text=(
-                "The held-out error of the simulation as given, split into its numerics, its parameter values, physics "
-                "left out, and physics that it holds and the recording contradicts.",
-            ),
-            table=plain_table(found.get("shares", found) if isinstance(found, Mapping) else found),
-            notes=tuple(
-                f"{key.replace('_', ' ')}: {plain_text(value)}"
-                for key, value in (found.items() if isinstance(found, Mapping) and "shares" in found else ())
-                if key != "shares" and not isinstance(value, list | dict)
-            ),
-        )
-    ]
+    return list(simulation_sections(answer))
 
 
 def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:

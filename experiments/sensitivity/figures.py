@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from jointscope.atomic import replaced_file
+from jointscope.atomic import replaced_file, write_text
+from jointscope.experiments.charts.chart import Chart, Panel, Series
 from jointscope.experiments.sensitivity import outputs
 from jointscope.experiments.sensitivity.analysis import Index
 from jointscope.experiments.sensitivity.study import OUTPUTS, Study
@@ -56,11 +57,10 @@ def bars(study: Study, indices: tuple[Index, ...], path: Path) -> Path:
     return _save(figure, path)
 
 
-def frf_bands(study: Study, path: Path) -> Path:
-    """Motor torque to arm acceleration over the studied ranges: 5-95 % band and the nominal line."""
+def frf_chart(study: Study) -> Chart:
+    """Motor torque and hammer to arm acceleration over the studied ranges: 5-95 % band and the nominal line."""
     f = np.linspace(1.0, 100.0, 500)
     rng = np.random.default_rng(study.seed)
-    names = [factor.name for factor in study.factors]
     p = {
         key: np.full((400, 1), float(getattr(study.nominal, key)))
         for key in type(study.nominal).__dataclass_fields__
@@ -68,27 +68,29 @@ def frf_bands(study: Study, path: Path) -> Path:
     for factor in study.factors:
         p[factor.name] = rng.uniform(factor.lower, factor.upper, (400, 1))
     nominal = {key: np.array([[float(getattr(study.nominal, key))]]) for key in p}
-    figure = Figure(figsize=(8.5, 6.0), layout="constrained")
-    axes = figure.subplots(2, 1, sharex=True)
-    for axis, which, label in (
-        (axes[0], 0, "hammer: q'' / T_L\n[rad/s^2 per N m]"),
-        (axes[1], 1, "motor: q'' / T_e\n[rad/s^2 per N m on the shaft]"),
+    panels = []
+    for which, title, unit in (
+        (0, "Hammer: q'' / T_L", "[rad/s² per N m]"),
+        (1, "Motor: q'' / T_e", "[rad/s² per N m on the shaft]"),
     ):
         spread = np.abs(outputs.transfers(p, 2j * np.pi * f)[which])
         low, high = np.quantile(spread, (0.05, 0.95), axis=0)
-        axis.fill_between(f, low, high, color="#9cc3e6", label="5-95 % of the studied range")
-        axis.plot(
-            f, np.abs(outputs.transfers(nominal, 2j * np.pi * f)[which][0]), color="#12324f", label="nominal"
+        middle = np.abs(outputs.transfers(nominal, 2j * np.pi * f)[which][0])
+        series = (
+            Series(name="5-95 % of the studied range", x=f, y=high, low=low, look="faint"),
+            Series(name="nominal", x=f, y=middle, look="recorded"),
         )
-        axis.set_yscale("log")
-        axis.set_ylabel(label)
-        axis.grid(alpha=0.3)
-    axes[0].legend(fontsize=8)
-    axes[0].set_title(
-        "what varying " + ", ".join(name.replace("_", " ") for name in names) + " does to the FRFs", fontsize=9
+        panels.append(
+            Panel(title=title, x_label="frequency [Hz]", y_label=unit, series=series, y_log=True, link="f", height=270)
+        )
+    varied = ", ".join(factor.name.replace("_", " ") for factor in study.factors)
+    return Chart(
+        stem="frf-bands",
+        label="Frequency response over the ranges",
+        shows=f"What varying {varied} does to the two responses.",
+        reading="where the band is wide the response follows the varied parameters; where it is a line it does not.",
+        panels=tuple(panels),
     )
-    axes[1].set_xlabel("frequency [Hz]")
-    return _save(figure, path)
 
 
 def heat_map(study: Study, path: Path) -> Path:
@@ -104,13 +106,17 @@ def heat_map(study: Study, path: Path) -> Path:
             for at in range(0, len(grid), 256)
         ]
     )
+    rows = np.column_stack([np.tile(K, c.size), np.repeat(c, K.size), error])
+    lines = [",".join(f"{value:.6g}" for value in row) for row in rows]
+    head = "stiffness_wrong_by_percent,damping_wrong_by_percent,prediction_error_dB"
+    write_text(path.with_suffix(".csv"), "\n".join([head, *lines]) + "\n")
     figure = Figure(figsize=(7.0, 5.2), layout="constrained")
     axis = figure.subplots()
     image = axis.contourf(K, c, error.reshape(len(c), len(K)), levels=12, cmap="viridis")
-    lines = axis.contour(
+    contours = axis.contour(
         K, c, error.reshape(len(c), len(K)), levels=[0.5, 1.0, 2.0, 3.0], colors="white", linewidths=0.9
     )
-    axis.clabel(lines, fmt="%g dB", fontsize=8)
+    axis.clabel(contours, fmt="%g dB", fontsize=8)
     figure.colorbar(image, ax=axis, label="rms error of the predicted spectrum, 10-75 Hz [dB]")
     axis.plot(0, 0, "+", color="white", ms=10)
     axis.set_xlabel("stiffness wrong by [%]")

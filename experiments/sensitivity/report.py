@@ -13,6 +13,10 @@ import numpy as np
 
 from jointscope import __version__
 from jointscope.atomic import write_text
+from jointscope.experiments import first_screens
+from jointscope.experiments.charts.files import write_files
+from jointscope.experiments.markdown_report import write_markdown_report
+from jointscope.experiments.provenance import provenance_section
 from jointscope.experiments.sensitivity import analysis, figures
 from jointscope.experiments.sensitivity.evaluate import evaluate_sample
 from jointscope.experiments.sensitivity.study import OUTPUTS, Study, read_study
@@ -87,10 +91,14 @@ def run_study(path: Path, out: Path, *, workers: int, scheduler: str | None, as_
     write_text(out / "sensitivity.json", json.dumps(result, indent=1) + "\n")
     write_text(out / "sensitivity.csv", _csv(indices))
     figures.bars(study, indices, out / "sensitivity.png")
-    figures.frf_bands(study, out / "frf-bands.png")
+    frf = figures.frf_chart(study)
+    write_files(frf, out)
     figures.heat_map(study, out / "heat-map.png")
     page = _page(study, indices, spread)
     write_text(out / "README.md", page)
+    words = f"jointscope sensitivity {path.name} --out {out.resolve().name}"
+    source = provenance_section(path, words, seed=study.seed)
+    write_markdown_report(out / "README.md", first_screens.sensitivity(result), source, {"frf-bands.png": frf})
     print(json.dumps(result, indent=1) if as_json else page)
     if not as_json:
         print(f"{len(sample)} evaluations in {seconds:.1f} s; pictures in {out}")

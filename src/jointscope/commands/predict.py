@@ -159,7 +159,7 @@ def _report(
     from jointscope.progress import track
 
     charts = []
-    scored = [prediction for prediction in predictions if scores[prediction.run.id]][:MOST_PICTURES]
+    scored = _shown([prediction for prediction in predictions if scores[prediction.run.id]])
     for prediction in track(scored, "pictures", len(scored)):
         bands = _bands(options.model, prediction)
         charts.append(run_chart(prediction, scores[prediction.run.id], bands))
@@ -168,6 +168,16 @@ def _report(
     words = f"jointscope predict {model.name} {options.campaign.resolve().name} --out {folder}"
     source = provenance_section(options.campaign, words, further=((model.name, digest(model)),))
     write_text(options.out / "report.html", report(predictions, scores, campaign, charts, source))
+
+
+def _shown(scored: list[RunPrediction]) -> list[RunPrediction]:
+    """At most MOST_PICTURES runs, as many of each kind of experiment as there are, in the campaign's order."""
+    kinds: dict[str, list[RunPrediction]] = {}
+    for prediction in scored:
+        kinds.setdefault(prediction.run.experiment, []).append(prediction)
+    turns = [own[place] for place in range(len(scored)) for own in kinds.values() if place < len(own)]
+    chosen = {prediction.run.id for prediction in turns[:MOST_PICTURES]}
+    return [prediction for prediction in scored if prediction.run.id in chosen]
 
 
 def _bands(model: Path, prediction: RunPrediction) -> tuple[ChannelBand, ...] | None:

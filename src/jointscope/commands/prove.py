@@ -11,6 +11,7 @@ campaign is refused. Crashes and time-outs count as wrong. Run it again with the
 interruption: finished cases are kept.
 
 OUT holds
+  report.html    the same to open in a browser, in one file
   proof.md       the table of measures with 95 % intervals, wrong answers, pictures
   summary.json   the same for machines
   judged.json    every case: what was true, what was said
@@ -32,6 +33,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
+from typing import Any
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +74,7 @@ def run(options: argparse.Namespace) -> int:
         )  # fmt: skip
     if options.page:
         publish(summary, options.page)
+    _report(summary, folder, out)
     if options.json:
         print(json.dumps(summary, indent=1, sort_keys=True))
         return 0
@@ -80,3 +83,14 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {row['name']:<90} {page.shown(row)}")
     print(f"{options.page or out / 'proof.md'}")
     return 0
+
+
+def _report(summary: dict[str, Any], folder: Path, out: Path) -> None:
+    """``report.html`` beside proof.md."""
+    from jointscope.experiments.first_screens import proof
+    from jointscope.experiments.markdown_report import write_markdown_report
+    from jointscope.experiments.provenance import provenance_section
+
+    words = f"jointscope prove {folder.resolve().name} --out {out.resolve().name}"
+    source = provenance_section(None, words, seed=summary["seed"], further=(("seal", str(summary["seal"])),))
+    write_markdown_report(out / "proof.md", proof(summary), source)

@@ -15,7 +15,7 @@ accelerations, band rms, and the prediction error that a wrong parameter causes:
   stiffness = { relative = 0.2 }
   damping   = { lower = 20.0, upper = 120.0 }
 
-Writes sensitivity.json, sensitivity.csv, README.md and pictures. An interrupted study goes on where it stopped;
+Writes report.html, sensitivity.json, sensitivity.csv, README.md and pictures. An interrupted study goes on where it stopped;
 the numbers are the same for any number of workers.
 """
 
