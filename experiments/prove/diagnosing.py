@@ -1,7 +1,8 @@
 """Diagnose every case of a draw in processes of their own, with a time limit, keeping what is finished.
 
 Each case is copied into a folder of its own first, away from the seal and from the other cases. A process that
-crashes or runs out of time makes its case wrong and touches no other.
+crashes or runs out of time makes its case wrong and touches no other. One that is killed from outside is started once
+more: a diagnosis that kills itself dies again, an operator's kill or a machine short of memory does not repeat.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,6 +27,8 @@ from jointscope.progress import track
 
 STATE: Final = "prove.json"
 ANSWERS: Final = "answers"
+KILLS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT) if os.name == "posix" else ()
+COMMAND: tuple[str, ...] = (sys.executable, "-m", "jointscope", "diagnose")
 
 
 @dataclass(frozen=True)
@@ -102,10 +106,21 @@ def load(out: Path, name: str) -> Answer:
 def diagnose_one(folder: Path, name: str, limit: float, threads: int) -> Answer:
     """Diagnose a copy of one case with the command line, in a process of its own."""
     started = time.monotonic()
+    killed = True
+    for _ in range(2):
+        answer, killed = _attempt(folder, name, limit, threads)
+        if not killed:
+            break
+    return replace(answer, seconds=time.monotonic() - started) if killed else answer
+
+
+def _attempt(folder: Path, name: str, limit: float, threads: int) -> tuple[Answer, bool]:
+    """One try, and whether its process was killed."""
+    started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="case-") as scratch:
         campaign, target = Path(scratch) / "campaign", Path(scratch) / "out"
         shutil.copytree(folder / name, campaign)
-        words = [sys.executable, "-m", "jointscope", "diagnose", str(campaign), "--out", str(target)]
+        words = [*COMMAND, str(campaign), "--out", str(target)]
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         try:
             done = subprocess.run(
@@ -113,12 +128,13 @@ def diagnose_one(folder: Path, name: str, limit: float, threads: int) -> Answer:
                 check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            return Answer(name, "timed-out", time.monotonic() - started, None, f"more than {limit:g} s")
+            return Answer(name, "timed-out", time.monotonic() - started, None, f"more than {limit:g} s"), False
         seconds = time.monotonic() - started
         found = target / "diagnosis.json"
         if done.returncode or not found.is_file():
-            return Answer(name, "crashed", seconds, None, f"exit code {done.returncode}: {done.stderr[-500:]}")
-        return Answer(name, "answered", seconds, json.loads(found.read_text(encoding="utf-8")))
+            message = f"exit code {done.returncode}: {done.stderr[-500:]}"
+            return Answer(name, "crashed", seconds, None, message), -done.returncode in KILLS
+        return Answer(name, "answered", seconds, json.loads(found.read_text(encoding="utf-8"))), False
 
 
 def _local(folder: Path, names: Sequence[str], workers: int, limit: float) -> Iterator[Answer]:

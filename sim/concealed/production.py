@@ -6,8 +6,13 @@ import json
 import multiprocessing
 import os
 import shutil
+import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from typing import Final
 
 from jointscope.atomic import replaced_file, write_text
 from jointscope.errors import InputError, JointscopeError, MissingExtraError
@@ -17,6 +22,7 @@ from jointscope.sim.concealed.seal import seal, unseal, write_seal
 
 ORDER = "draw.json"
 PARTS = ".parts"
+RESTARTS: Final = 3  # of the processes, after one of them died
 
 
 def produce(order: Order, folder: Path, workers: int, scheduler: str | None = None) -> str:
@@ -77,6 +83,8 @@ def _one(task: tuple[Order, int, str]) -> str:
     order, index, folder = task
     name = case_name(order, index)
     directory = Path(folder) / name
+    if _finished(Path(folder), name):  # by a process that died before it could say so
+        return ""
     if directory.is_dir():  # written, but its truth was lost with the process
         shutil.rmtree(directory)
     try:
@@ -94,8 +102,46 @@ def _local(order: Order, folder: Path, todo: list[int], workers: int) -> Iterato
         yield from map(_one, tasks)
         return
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    with multiprocessing.get_context("spawn").Pool(min(workers, len(tasks))) as pool:
-        yield from pool.imap_unordered(_one, tasks)
+    left = {task[1]: task for task in tasks}
+    for _ in range(RESTARTS + 1):
+        for index, said in _pooled(list(left.values()), workers):
+            del left[index]
+            yield said
+        if not left:
+            return
+    raise JointscopeError(
+        f"processes died {RESTARTS + 1} times; {len(left)} of {len(tasks)} cases are missing: run again"
+    )
+
+
+def _pooled(tasks: list[tuple[Order, int, str]], workers: int) -> Iterator[tuple[int, str]]:
+    """Index and outcome of the cases that are finished before a process dies, which takes all others with it."""
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(
+        min(workers, len(tasks)), mp_context=context, initializer=_follow, initargs=(os.getpid(),)
+    )
+    with pool:
+        jobs = {pool.submit(_one, task): task[1] for task in tasks}
+        try:
+            for job in as_completed(jobs):
+                try:
+                    said = job.result()
+                except BrokenProcessPool:
+                    continue
+                yield jobs[job], said
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _follow(parent: int) -> None:
+    """End this process when the one that started it is gone, however it went."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _cluster(order: Order, folder: Path, todo: list[int], scheduler: str) -> Iterator[str]:
