@@ -42,7 +42,7 @@ def single_joint(results: Mapping[str, Any]) -> FirstScreen:
         f"equations within {results['printed_agreement_percent']:.2f} %."
     )
     stiffness, inertia = p["stiffness"], p["inertia"]
-    values = {"transmission": f"K {stiffness['value']:.5g} N m/rad", "load": f"J {inertia['value']:.4g} kg m²"}
+    values = {"transmission": f"K {stiffness['value']:.0f} N m/rad", "load": f"J {inertia['value']:.4g} kg m²"}
     facts = tuple((name.replace("_", " "), f"{e['value']:.5g} {e['unit']}") for name, e in p.items())[:4]
     return FirstScreen(
         verdict=verdict,
@@ -98,13 +98,15 @@ def sensitivity(result: Mapping[str, Any]) -> FirstScreen:
         best = strongest.get(index["output"])
         if best is None or abs(index["total"]) > abs(best[1]):
             strongest[index["output"]] = (index["factor"], index["total"])
-    lit: dict[str, str] = {}
+    moved: dict[str, list[str]] = {}
     for output, (factor, _) in strongest.items():
+        moved.setdefault(factor, []).append(output.replace("_", " "))
+    lit: dict[str, str] = {}
+    for factor, seen in moved.items():
         place = _PLACES.get(factor)
         if place is not None:
-            said = f"{factor.replace('_', ' ')} moves {output.replace('_', ' ')}"
+            said = f"{factor.replace('_', ' ')}, for {len(seen)} of {len(strongest)} outputs"
             lit[place] = f"{lit[place]}; {said}" if place in lit else said
-    lit = {place: text if len(text) < 78 else text[:75] + "..." for place, text in lit.items()}
     study = result["study"]
     factors = study["factors"]
     sentences = list(result["sentences"].values())
