@@ -34,6 +34,7 @@ from jointscope.diagnosis.foretelling import (
 )
 from jointscope.diagnosis.menu import Lab, Take, lab_of, planned
 from jointscope.diagnosis.parameters import base_spec, bounded
+from jointscope.diagnosis.search import CONTAINED
 from jointscope.diagnosis.verdict import TEMPERATURE
 
 if TYPE_CHECKING:
@@ -193,7 +194,7 @@ def distances(
             jacobian = found[take, j][0]
             normal += take.count * jacobian.T @ jacobian
         for i in range(n):
-            if i == j:
+            if i == j or holds(candidates[j].names, candidates[i].names):
                 continue
             whole, inner = 0.0, np.zeros(candidates[j].where.n)
             for take in usable:
@@ -207,6 +208,14 @@ def distances(
             step = np.linalg.lstsq(normal / np.outer(size, size), inner / size, rcond=1e-10)[0]
             result[i, j] = max(whole - float(step @ (inner / size)), 0.0)
     return result
+
+
+def holds(names: tuple[str, ...], others: tuple[str, ...]) -> bool:
+    """Whether a set can follow another one exactly: it holds all its effects, Stribeck's friction holding Coulomb's."""
+    can = set(names)
+    for inner, outer in CONTAINED:
+        can |= {f"{inner}@{name.split('@')[1]}" for name in names if name.split("@")[0] == outer}
+    return set(others) <= can
 
 
 def expected_gain(probabilities: Vector, distance: NDArray[np.float64], temperature: float = TEMPERATURE) -> float:

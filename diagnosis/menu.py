@@ -26,6 +26,7 @@ HIT_SECONDS = 1.2
 DRIVEN_SECONDS = 3.0
 HOLD_HZ = 0.6  # of the loose position hold under a torque programme
 LIVELY = 80.0  # Hz, upper end of sweeps and multisines
+PLACEHOLDER = 1e-9  # of an output that is yet to be foretold: a record that never moves would be left out as too coarse
 WIND_UP_SHARE = (
     0.3  # of the largest torque in the recordings: what a planned torque asks of a joint that never was driven
 )
@@ -277,7 +278,7 @@ def as_run(take: Take, lab: Lab, signals: Mapping[str, Vector] | None = None, na
     for channel, key in ((lab.accelerometer, "acceleration"), (lab.arm, "arm")):
         if channel is not None:
             radius = None if channel.radius is None else channel.radius * take.radius
-            samples = given.get(key, np.zeros(daq_times.size))
+            samples = given.get(key, PLACEHOLDER * np.sin(46.0 * daq_times))
             daq.append(replace(channel, column=key, radius=radius, samples=samples))
     log: list[Channel] = []
     if not take.brake:

@@ -269,7 +269,8 @@ def unseen(
     def one(spec: EffectSpec) -> Unseen:
         parameter = spec.parameters[spec.amplitude]
         reason = spec.possible(problem)
-        size, limit, shape = None, "", ()
+        size: float | None = None
+        limit, shape = "", tuple[float, ...]()
         if reason is None:
             starts = spec.starts(problem)
             shape = starts[len(starts) // 2] if starts else ()

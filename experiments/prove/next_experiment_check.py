@@ -44,7 +44,7 @@ from jointscope.sim.concealed.measurement import noisy
 from jointscope.sim.concealed.rehearsal import clean_channels, declared
 
 QUICK = Effort(screen_hits=2, hits=4, others=2, singles=8, refine=12, beam=0, children=0, pairs=0, size=1)
-DOUBT = (0.05, 0.75)  # probability of the right candidate in which a case counts as ambiguous
+DOUBT = (0.02, 0.75)  # probability of the right candidate in which a case counts as ambiguous
 KEPT = {"hammer": 6, "torque-sweep": 2, "speed-motion": 2}  # runs of a small campaign
 TRIES = 3  # strengths per case
 

@@ -15,7 +15,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key, inflation
 from jointscope.errors import RefusedError
-from jointscope.experiments.rehearsal.bench import SPEED_LOOP_HZ, Work, carry_out
+from jointscope.experiments.rehearsal.bench import SPEED_LOOP_HZ, Programme, Work, carry_out
 from jointscope.models.parameters import STANDARD_GRAVITY, Joint, Rig
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Campaign, Channel, Run, Stream
@@ -97,7 +97,9 @@ def _radius(problem: Problem, quantities: Sequence[str]) -> float:
     return float(found[0]) if found else 0.5
 
 
-def _shut(signal: Bandlimited, factor: float) -> object:
+def _shut(signal: Bandlimited, factor: float) -> Programme:
+    """A recorded signal as a function of time, nothing outside its record."""
+
     def programme(times: Real) -> Real:
         inside = (times >= signal.start) & (times <= signal.end)
         return np.asarray(np.where(inside, factor * signal(times), 0.0))
@@ -113,14 +115,14 @@ def work_of(run: PreparedRun, rig: Rig, noise: NoiseModel, rng: np.random.Genera
     if not run.spring:
         return "a carriage without a spring has no elastic joint to rehearse"
     duration = run.steps / run.grid_rate + run.t0
-    force = None
+    force: Programme | None = None
     if run.load is not None:
         force = _shut(run.load.signal, 1.0 / rig.hammer_radius)
     struck = kind == "hammer" and force is not None
     kinds: Kind = kind
     common = Work(
         kind=kinds, angle=run.initial_angle, duration=duration, braked=run.mode == "braked",
-        force=force,  # type: ignore[arg-type]
+        force=force,
         gain=float(rng.normal(0.0, noise.gain)) if struck else 0.0,
         late=float(rng.normal(0.0, noise.timing)) if struck else 0.0,
         one_device=len(run.run.streams) == 1,

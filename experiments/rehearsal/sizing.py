@@ -34,5 +34,5 @@ def sized(law: Law, setting: Setting, said: Unseen, factor: float, rng: np.rando
             effect = effect.scaled(1.0 + (strength - 1.0) * ratio)
         else:
             effect = effect.scaled(strength * ratio)
-    now = effect.reported(setting)[said.parameter]
-    return effect if abs(np.log(departure(said.parameter, now) / wanted)) < 0.05 else None
+    reached = effect.reported(setting)[said.parameter]
+    return effect if abs(np.log(departure(said.parameter, reached) / wanted)) < 0.05 else None

@@ -1,0 +1,81 @@
+"""Calibrated probabilities: the map, its range, and honesty without a map."""
+
+import json
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.calibration import FORMAT, INPUTS, RANGES, SETS, calibrate, kind_of, outside, read_map
+from jointscope.experiments.prove.calibrate import fit_logistic, learn
+from jointscope.experiments.prove.measures import calibration_error
+
+
+def features(rng, stated):
+    p = float(np.clip(stated, 1e-4, 1 - 1e-4))
+    found = {name: float(rng.normal()) for name in INPUTS}
+    found["stated"] = float(np.log(p / (1 - p)))
+    found.update({name: float(rng.uniform(1.0, 2.0)) for name in RANGES})
+    found.update(dict.fromkeys(SETS, "as drawn"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """An overconfident explainer: right half as often beyond even as it says."""
+    rng = np.random.default_rng(3)
+    found = []
+    for _ in range(600):
+        stated = rng.uniform(0.05, 0.99)
+        found.append(("effects", features(rng, stated), bool(rng.random() < 0.3 + 0.4 * stated)))
+    return found
+
+
+def test_the_logistic_recovers_its_own_slopes():
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(20_000, 2)) * [1.0, 5.0]
+    right = rng.random(20_000) < 1 / (1 + np.exp(-(0.5 + x @ [1.0, -0.2])))
+    intercept, slopes = fit_logistic(x, right, ridge=100.0)
+    assert intercept == pytest.approx(0.5, abs=0.06)
+    assert slopes == pytest.approx([1.0, -0.2], abs=0.06)
+
+
+def test_all_right_stays_finite_and_below_one():
+    intercept, slopes = fit_logistic(np.zeros((20, 2)), np.ones(20, dtype=bool))
+    assert 0.9 < 1 / (1 + np.exp(-intercept)) < 1.0 and np.all(np.isfinite(slopes))
+
+
+def test_the_map_mends_an_overconfident_explainer(rows):
+    learnt = learn(rows)
+    errors = learnt["calibration_error"]
+    assert errors["stated"] > 0.08
+    assert errors["mapped, cross-validated"] < 0.6 * errors["stated"]
+    held = read_map(json.dumps(learnt))
+    said = [calibrate(found, kind, 0.5, held).probability for kind, found, _ in rows]
+    assert calibration_error(np.array(said), np.array([r for *_, r in rows])) < 0.06
+
+
+def test_outside_the_range_the_stated_figure_stays_and_is_not_vouched_for(rows):
+    held = read_map(json.dumps(learn(rows)))
+    _, found, _ = rows[0]
+    assert outside(found, held) is None
+    for changed in ({"runs": 99.0}, {"experiments": "speed-motion"}, {"snr_db": -40.0}):
+        answer = calibrate({**found, **changed}, "effects", 0.7, held)
+        assert answer.probability == 0.7 and not answer.in_domain and next(iter(changed)) in answer.reason
+    assert calibrate(found, "not-identifiable", 0.7, held).in_domain is False
+
+
+def test_without_a_map_nothing_is_vouched_for(rows):
+    answer = calibrate(rows[0][1], "effects", 0.7, None)
+    assert answer.probability == 0.7 and not answer.in_domain
+
+
+def test_a_map_of_other_inputs_is_refused(rows):
+    content = {**learn(rows), "inputs": ["mood"]}
+    with pytest.raises(ValueError, match="calibrate anew"):
+        read_map(json.dumps(content))
+    assert json.loads(json.dumps(learn(rows)))["format"] == FORMAT
+
+
+def test_kinds_of_answers():
+    assert kind_of("unknown", "not-identifiable") == "not-identifiable"
+    assert kind_of("effects", None) == "effects"

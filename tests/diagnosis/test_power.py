@@ -1,0 +1,106 @@
+"""What could not have been seen: monotone in size and noise, silent on what the channels forbid, in lab units."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.adjudicate import judge
+from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.power import Unseen, _seen, _yard, unseen, unseen_json, values_at
+from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.split import split_runs
+
+
+def noisy(problem, share, seed=1):
+    """The problem's own predictions at its start as data, with white noise of a share of each channel's rms."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for run in problem.runs:
+        predicted = predict_outputs(run, problem.base.start, (), problem)
+        outputs = tuple(
+            replace(o, data=y if o.observed else y + share * np.std(y) * rng.standard_normal(y.size))
+            for o, y in zip(run.outputs, predicted, strict=True)
+        )
+        runs.append(replace(run, outputs=outputs))
+    return replace(problem, runs=tuple(runs))
+
+
+@pytest.fixture(scope="module")
+def judged(problem):
+    found = {}
+    with ThreadPoolExecutor(1) as pool:
+        for share in (0.01, 0.1):
+            own = noisy(problem, share)
+            stage = refit_base(own, predict_outputs, tuple(range(len(own.runs))), pool)
+            found[share] = (own, judge(stage, (), split_runs(own).held_out))
+        yield found
+
+
+def spec_of(problem, name, location):
+    return next(s for s in catalogue(problem) if (s.name, s.location) == (name, location))
+
+
+def test_visibility_grows_with_size_and_vanishes_with_it(judged):
+    problem, judgement = judged[0.01]
+    yard = _yard(judgement, judgement.base)
+    spec = spec_of(problem, "backlash", "transmission")
+    small, medium, large = (_seen(yard, ActiveEffect(spec, (v,))) for v in spec.scale(problem))
+    assert small[0] < medium[0] < large[0] and small[1] < medium[1] < large[1]
+    nothing = _seen(yard, ActiveEffect(spec, (0.0,)))
+    assert nothing[0] < 0.05 and nothing[1] < 0.05
+
+
+def test_more_noise_hides_more(judged):
+    sizes = {}
+    with ThreadPoolExecutor(1) as pool:
+        for share, (problem, judgement) in judged.items():
+            specs = [spec_of(problem, "coulomb-friction", "load"), spec_of(problem, "backlash", "transmission")]
+            sizes[share] = [u.size for u in unseen(problem, judgement, judgement.base, specs, pool)]
+    for quiet, loud in zip(sizes[0.01], sizes[0.1], strict=True):
+        assert quiet is not None and loud is not None
+        assert loud > 1.1 * quiet
+
+
+def test_the_stated_size_stands_at_the_gate(judged):
+    problem, judgement = judged[0.1]
+    spec = spec_of(problem, "coulomb-friction", "load")
+    with ThreadPoolExecutor(1) as pool:
+        (found,) = unseen(problem, judgement, judgement.base, [spec], pool)
+    z, shown = _seen(_yard(judgement, judgement.base), ActiveEffect(spec, (found.size,)))
+    assert min(z, shown) == pytest.approx(1.0, rel=0.3)
+
+
+def test_what_the_channels_forbid_has_a_reason_and_no_size(problem, judged):
+    own, judgement = judged[0.1]
+    hits = tuple(run for run in own.runs if run.mode == "braked")
+    hammer_only = replace(own, runs=hits)
+    spec = spec_of(hammer_only, "coulomb-friction", "motor")
+    with ThreadPoolExecutor(1) as pool:
+        (found,) = unseen(hammer_only, judgement, judgement.base, [spec], pool)
+    assert found.size is None and found.reason is not None
+    (as_json,) = unseen_json((found,))
+    assert "cannot be seen here" in as_json["sentence"]
+
+
+def test_a_breakaway_torque_goes_with_its_friction(problem):
+    spec = spec_of(problem, "stribeck-friction", "load")
+    shape = spec.starts(problem)[1]
+    one, two = (values_at(spec, shape, k * spec.scale(problem)[1], problem) for k in (1.0, 2.0))
+    assert two[1] == pytest.approx(2.0 * one[1]) and two[2] == pytest.approx(one[2])
+
+
+@pytest.mark.parametrize(
+    ("effect", "location", "parameter", "unit", "size", "told"),
+    [
+        ("backlash", "transmission", "gap", "rad", 0.2 / 60 * np.pi / 180, "gap below 0.2 arcmin"),
+        ("delay", "acquisition", "delay", "s", 3e-4, "delay below 0.3 ms"),
+        ("sensor-gain", "acquisition", "gain", "1", 1.02, "less than 2 % off"),
+        ("sensor-saturation", "acquisition", "level", "m/s^2", 40.0, "level above 40 m/s^2"),
+    ],
+)
+def test_sentences_are_in_the_labs_units(effect, location, parameter, unit, size, told):
+    found = Unseen(effect, location, "law", parameter, unit, size, {}, "noise", None)
+    assert told in found.sentence and found.sentence.endswith("can't be seen here")
