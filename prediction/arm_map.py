@@ -12,8 +12,13 @@ r"""Your own MJCF beside a campaign: which joint is which (``map.toml``), and wh
     actuator    = "elbow_motor"       # absent where nothing drives it
     torque      = "motor"             # the actuator's control is N m on the motor shaft; "output": at the joint output
     sensor_site = "imu"               # absent where there is none
+    rotor_ratio = 1.0                 # turns of the rotor's coordinate per output turn; n where it spins at motor speed
+    control     = "torque"            # what the actuator is told: torque, or the commanded velocity or position
     sign        = 1                   # model angle = sign * campaign angle + zero_offset; torques turn likewise
     zero_offset = 0.0                 # rad
+
+    [hold]                            # every further joint of the model that the bench held still, and where [rad or m]
+    wrist_joint = 0.0
 """
 
 from __future__ import annotations
@@ -22,7 +27,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -54,6 +59,8 @@ class JointMap:
     actuator: str | None = None
     torque: Literal["motor", "output"] = "output"
     sensor_site: str | None = None
+    rotor_ratio: float = 1.0
+    control: Literal["torque", "velocity", "position"] = "torque"
     sign: int = 1
     zero_offset: float = 0.0
 
@@ -64,10 +71,19 @@ class JointMap:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelMap:
-    """A model and its joints."""
+    """A model and its joints.
+
+    Attributes:
+        model: The file.
+        joints: In the campaign's order.
+        hold: Angle at which each further joint was held, by name [rad or m].
+        file: The map it was read from, for messages; ``None`` where it was guessed.
+    """
 
     model: Path
     joints: tuple[JointMap, ...]
+    hold: Mapping[str, float] = field(default_factory=dict)
+    file: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,11 +137,24 @@ def read_map(path: Path) -> ModelMap:
             raise InputError(path, f"joint[{index}].sign", "must be 1 or -1", value=row["sign"])
         if row.get("torque", "output") not in ("motor", "output"):
             raise InputError(path, f"joint[{index}].torque", "must be motor or output", value=row["torque"])
+        if row.get("control", "torque") not in ("torque", "velocity", "position"):
+            raise InputError(
+                path, f"joint[{index}].control", "must be torque, velocity or position", value=row["control"]
+            )
+        for key in ("rotor_ratio", "zero_offset"):
+            if not isinstance(row.get(key, 1.0), (int, float)) or (
+                key == "rotor_ratio" and row.get(key, 1.0) == 0
+            ):
+                raise InputError(path, f"joint[{index}].{key}", "must be a number other than 0", value=row[key])
+    for name, angle in content.get("hold", {}).items():
+        if not isinstance(angle, (int, float)):
+            raise InputError(path, f"hold.{name}", "must be an angle in rad", value=angle)
     if "model" not in content or not content.get("joint"):
         raise InputError(path, "model" if "model" not in content else "joint", "is missing")
     return ModelMap(
-        model=(path.parent / content["model"]).resolve(), joints=tuple(JointMap(**row) for row in content["joint"])
-    )
+        model=(path.parent / content["model"]).resolve(), joints=tuple(JointMap(**row) for row in content["joint"]),
+        hold={name: float(angle) for name, angle in content.get("hold", {}).items()}, file=path,
+    )  # fmt: skip
 
 
 def write_map(path: Path, found: ModelMap, comparisons: Sequence[Comparison]) -> None:
@@ -139,7 +168,9 @@ def write_map(path: Path, found: ModelMap, comparisons: Sequence[Comparison]) ->
         "campaign": "the joint's name in the campaign", "link": "hinge behind the spring (a rigid joint: itself)",
         "rotor": "hinge before the spring", "actuator": "what drives it",
         "torque": "its control is N m on the motor shaft (motor) or at the joint output (output)",
-        "sensor_site": "accelerometer", "sign": "model angle = sign * campaign angle + zero_offset", "zero_offset": "rad",
+        "sensor_site": "accelerometer", "rotor_ratio": "turns of the rotor's coordinate per output turn",
+        "control": "what the actuator is told: torque, velocity or position",
+        "sign": "model angle = sign * campaign angle + zero_offset", "zero_offset": "rad",
     }  # fmt: skip
     for joint in found.joints:
         lines += ["", "[[joint]]"]
@@ -153,34 +184,59 @@ def write_map(path: Path, found: ModelMap, comparisons: Sequence[Comparison]) ->
                 lines.append(
                     f"# {c.figure}: model {c.mujoco:.6g}, campaign {given} {c.unit}. {c.verdict}".rstrip()
                 )
+    if found.hold:
+        lines += ["", "[hold]  # joints that the bench held still; take out those that may move"]
+        lines += [f"{json.dumps(name)} = {angle!r}  # rad or m" for name, angle in found.hold.items()]
     write_text(path, "\n".join(lines) + "\n")
 
 
 def guess_map(model: Path, campaign: Campaign) -> ModelMap:
     """Match the campaign's joints to the model's hinges by structure and name.
 
-    A spring-loaded hinge that follows another one on the same axis is a reducer and its rotor. Names decide where the
-    campaign has several joints, order where names fail.
+    A spring-loaded hinge (or slide, on a rig that slides) that follows another one on the same axis is a reducer and its
+    rotor, and so are two joints that a fixed tendon with stiffness ties together. Names decide where the campaign has
+    several joints; else the one that an actuator drives, and order. Further joints without a spring are held.
 
     Raises:
         InputError: The model can't be read, or has fewer joints than the campaign.
     """
     spec, compiled = _compiled(model)
-    pairs = _pairs(compiled)
+    pairs = _pairs(compiled, slides=campaign.rig.motion == "translational")
     wanted = campaign.joints or ("",)
     if len(pairs) < len(wanted):
+        kind = "slides" if campaign.rig.motion == "translational" else "hinges"
         raise InputError(
-            model, None, f"has {len(pairs)} joints, the campaign {len(wanted)}", fix="name them in map.toml"
+            model,
+            None,
+            f"has {len(pairs)} named {kind}, the campaign needs {len(wanted)}",
+            fix="name them in map.toml",
         )
+    if not campaign.joints:  # a bench with one joint: the one that is driven, an elastic one first
+        driven = {a.target for a in spec.actuators}
+        pairs.sort(key=lambda pair: (not driven & {pair[0], pair[1]}, pair[0] is None))
     taken: list[int] = []
     joints = []
     for name in wanted:
         same = [k for k, pair in enumerate(pairs) if k not in taken and name and name in pair]
         k = same[0] if same else next(k for k in range(len(pairs)) if k not in taken)
         taken.append(k)
-        rotor, link = pairs[k]
-        joints.append(_described(spec, compiled, campaign, name, rotor, link))
-    return ModelMap(model=Path(model).resolve(), joints=tuple(joints))
+        rotor, link, turns = pairs[k]
+        joints.append(_described(spec, compiled, campaign, name, rotor, link, turns))
+    used = {n for joint in joints for n in (joint.rotor, joint.link)}
+    hold = {} if campaign.joints else _held(compiled, used)
+    return ModelMap(model=Path(model).resolve(), joints=tuple(joints), hold=hold)
+
+
+def _held(model: mujoco.MjModel, used: set[str | None]) -> dict[str, float]:
+    """Joints beside the one under test that nothing springs back, at the model's own zero."""
+    straight = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    return {
+        model.joint(j).name: float(model.qpos0[model.jnt_qposadr[j]]) if model.jnt_type[j] in straight else 0.0
+        for j in range(model.njnt)
+        if model.joint(j).name
+        and model.joint(j).name not in used
+        and float(np.ravel(model.jnt_stiffness[j])[0]) == 0.0
+    }
 
 
 def mapped_arm(found: ModelMap) -> ElasticArm:
@@ -274,13 +330,13 @@ def _compiled(path: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
         raise InputError(path, None, f"not an MJCF that MuJoCo can read: {problem}") from None
 
 
-def _pairs(model: mujoco.MjModel) -> list[tuple[str | None, str]]:
-    """(rotor or None, link) of every joint, base to tip."""
+def _pairs(model: mujoco.MjModel, *, slides: bool = False) -> list[tuple[str | None, str, float]]:
+    """(rotor or None, link, rotor turns per output turn) of every named joint of the kind, base to tip."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    hinges = [j for j in range(model.njnt) if model.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_HINGE)]
-    pairs: list[tuple[str | None, str]] = []
-    rotor_of = {}
+    kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+    hinges = [j for j in range(model.njnt) if model.jnt_type[j] == int(kind) and model.joint(j).name]
+    rotor_of = {j: (i, turns) for i, j, turns in _tied(model, hinges)}
     for j in hinges:
         before = [
             i
@@ -291,26 +347,49 @@ def _pairs(model: mujoco.MjModel) -> list[tuple[str | None, str]]:
         for i in reversed(before):
             offset = data.xanchor[j] - data.xanchor[i]
             same_axis = abs(float(data.xaxis[i] @ data.xaxis[j])) > 1.0 - 1e-6
-            on_line = np.linalg.norm(np.cross(offset, data.xaxis[i])) < 1e-6
-            if stiff > 0.0 and same_axis and on_line:
-                rotor_of[j] = i
+            on_line = slides or np.linalg.norm(np.cross(offset, data.xaxis[i])) < 1e-6
+            if stiff > 0.0 and same_axis and on_line and j not in rotor_of:
+                rotor_of[j] = (i, 1.0)
                 break
-    rotors = set(rotor_of.values())
+    rotors = {i for i, _ in rotor_of.values()}
+    pairs: list[tuple[str | None, str, float]] = []
     for j in hinges:
         if j in rotor_of:
-            pairs.append((model.joint(rotor_of[j]).name, model.joint(j).name))
+            i, turns = rotor_of[j]
+            pairs.append((model.joint(i).name, model.joint(j).name, turns))
         elif j not in rotors:
-            pairs.append((None, model.joint(j).name))
+            pairs.append((None, model.joint(j).name, 1.0))
     return pairs
 
 
+def _tied(model: mujoco.MjModel, among: Sequence[int]) -> list[tuple[int, int, float]]:
+    """(rotor, link, rotor turns per link turn) of joints in separate bodies that one sprung fixed tendon ties together."""
+    found = []
+    for t in range(model.ntendon):
+        first, count = int(model.tendon_adr[t]), int(model.tendon_num[t])
+        wraps = [(int(model.wrap_objid[k]), float(model.wrap_prm[k])) for k in range(first, first + count)]
+        joints_only = all(model.wrap_type[first : first + count] == int(mujoco.mjtWrap.mjWRAP_JOINT))
+        if (
+            count != 2
+            or not joints_only
+            or not model.tendon_stiffness[t] > 0.0
+            or any(j not in among for j, _ in wraps)
+        ):
+            continue
+        (rotor, fast), (link, slow) = sorted(wraps, key=lambda wrap: abs(wrap[1]))
+        if model.body_parentid[model.jnt_bodyid[link]] != model.jnt_bodyid[rotor] and fast != 0.0:
+            found.append((rotor, link, -slow / fast))
+    return found
+
+
 def _described(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, campaign: Campaign, name: str, rotor: str | None, link: str
-) -> JointMap:
+    spec: mujoco.MjSpec, model: mujoco.MjModel, campaign: Campaign, name: str, rotor: str | None, link: str,
+    turns: float,
+) -> JointMap:  # fmt: skip
     driven = rotor or link
     actuator = next((a for a in spec.actuators if a.target == driven), None)
     n = campaign.rig.reduction_ratio or 1.0
-    gear = abs(float(actuator.gear[0])) if actuator is not None else 1.0
+    gear = abs(float(actuator.gear[0]) * turns) if actuator is not None else 1.0
     side: Literal["motor", "output"] = "motor" if n > 1.5 and gear > math.sqrt(n) else "output"
     below = _subtree(model, int(model.jnt_bodyid[model.joint(link).id]))
     site = next(
@@ -323,12 +402,25 @@ def _described(
     )
     found = JointMap(
         campaign=name, link=link, rotor=rotor, actuator=None if actuator is None else actuator.name, torque=side,
-        sensor_site=site,
+        sensor_site=site, rotor_ratio=turns, control=_control(model, actuator),
     )  # fmt: skip
     if name or campaign.rig.plane == "horizontal" or campaign.rig.motion == "translational":
         return found
     sign, offset = _horizontal(model, found)
     return replace(found, sign=sign, zero_offset=offset)
+
+
+def _control(
+    model: mujoco.MjModel, actuator: mujoco.MjsActuator | None
+) -> Literal["torque", "velocity", "position"]:
+    """What an actuator's control is: by its bias, -kp on the angle (a position servo) or -kv on the speed alone."""
+    if actuator is None:
+        return "torque"
+    bias = model.actuator_biasprm[model.actuator(actuator.name).id]
+    if bias[1] < 0.0:
+        return "position"
+    gain = float(model.actuator_gainprm[model.actuator(actuator.name).id][0])
+    return "velocity" if bias[2] < 0.0 and gain == -float(bias[2]) else "torque"
 
 
 def _has_sensor(spec: mujoco.MjSpec, site: str) -> bool:
@@ -388,7 +480,7 @@ def _rows(
         moment = rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius * math.cos(run.arm_angle) * joint.sign
         moment = moment if rig.plane == "vertical" else 0.0
     dof = int(model.joint(joint.rotor or joint.link).dofadr[0])
-    armature = float(model.dof_armature[dof])
+    armature = float(model.dof_armature[dof]) * joint.rotor_ratio**2
     rows = [
         _row(
             joint,

@@ -229,7 +229,9 @@ def _parameters(content: Content, wanted: Wanted, draft: Draft, notes: list[str]
         interval = wanted.intervals.get(name)
         if not math.isfinite(new) or abs(new - old) <= 1e-4 * abs(old) + _NEGLIGIBLE:
             continue
-        carrier = next(iter(sorted(content.at(place), key=lambda c: -_coefficient(c, attribute) * c.lever**2)), None)
+        carrier = next(
+            iter(sorted(content.at(place), key=lambda c: -_coefficient(c, attribute) * c.lever**2)), None
+        )
         yield _value_change(content, draft, name, attribute, carrier, old, new, interval)
     inertia = _mass_change(content, wanted)
     if inertia is not None:
@@ -314,7 +316,9 @@ def _mass_change(content: Content, wanted: Wanted) -> Change | None:
         put_mass(draft, content, new - old, heavier)
 
     sigmas = max(_sigmas(old, new, interval), math.inf if abs(heavier) > 0.01 * abs(moment) else 0.0)
-    share: Share = "left-out" if gravity is not None and abs(content.weight) < _VANISHED * abs(moment) else "parameters"
+    share: Share = (
+        "left-out" if gravity is not None and abs(content.weight) < _VANISHED * abs(moment) else "parameters"
+    )
     return Change("load_inertia", share, reason, edit, interval, sigmas)
 
 
@@ -331,7 +335,10 @@ def _gear_change(content: Content, wanted: Wanted, draft: Draft, notes: list[str
     if abs(asked / held - 1.0) < 1e-4:
         return None
     name, factor = content.joint.actuator, asked / held
-    tag = next((t for t in draft.sources.tags if t.name == name and t.parent is not None and t.parent.kind == "actuator"), None)
+    tag = next(
+        (t for t in draft.sources.tags if t.name == name and t.parent is not None and t.parent.kind == "actuator"),
+        None,
+    )
     if tag is None:
         notes.append(f"actuator {name} is not written out in the file, so its gear is not changed")
         return None
@@ -368,7 +375,9 @@ def _frictions(content: Content, wanted: Wanted, draft: Draft, notes: list[str])
         yield Change(f"{place}_friction", share, reason, _friction_edit(content, place, carrier, old, new, asymmetry),
                      interval, _sigmas(old, new, interval))  # fmt: skip
         if entry is not None and entry["effect"] == "stribeck-friction":
-            notes.append("stribeck-friction: the file holds its sliding part; the breakaway is a law in effects.json")
+            notes.append(
+                "stribeck-friction: the file holds its sliding part; the breakaway is a law in effects.json"
+            )
 
 
 def _friction_edit(
@@ -378,7 +387,11 @@ def _friction_edit(
 
     def edit(draft: Draft) -> None:
         if carrier is None:
-            _arm_tendon(draft, content, f'frictionloss="{_number(new)}" solreffriction="{exact[0]}" solimpfriction="{exact[1]}"')
+            _arm_tendon(
+                draft,
+                content,
+                f'frictionloss="{_number(new)}" solreffriction="{exact[0]}" solimpfriction="{exact[1]}"',
+            )
         else:
             _put(draft, carrier, "frictionloss", max(0.0, carrier.frictionloss + (new - old) / abs(carrier.lever)))
             if old == 0.0 and not draft.sources.urdf:
@@ -431,7 +444,9 @@ def _zero(carrier: Carrier, attribute: str, what: str) -> Change:
             if position == 0 or getattr(carrier, attribute)[position] != 0.0:
                 _put(draft, carrier, attribute, 0.0, position)
 
-    return Change(f"{carrier.name}_{attribute}", "contradicted", f"the model holds {what}, the recording does not", edit)
+    return Change(
+        f"{carrier.name}_{attribute}", "contradicted", f"the model holds {what}, the recording does not", edit
+    )
 
 
 def _linear(carrier: Carrier, attribute: str, what: str) -> Change:
@@ -441,7 +456,10 @@ def _linear(carrier: Carrier, attribute: str, what: str) -> Change:
                 _put(draft, carrier, attribute, 0.0, position)
 
     return Change(
-        f"{carrier.name}_{attribute}_terms", "contradicted", f"the model holds {what}, the recording does not", edit
+        f"{carrier.name}_{attribute}_terms",
+        "contradicted",
+        f"the model holds {what}, the recording does not",
+        edit,
     )
 
 
@@ -460,7 +478,10 @@ def _actuator(content: Content, draft: Draft) -> Iterator[Change]:
         return
     model = content.system.model
     number = int(model.actuator(name).id)
-    tag = next((t for t in draft.sources.tags if t.name == name and t.parent is not None and t.parent.kind == "actuator"), None)
+    tag = next(
+        (t for t in draft.sources.tags if t.name == name and t.parent is not None and t.parent.kind == "actuator"),
+        None,
+    )
     if tag is None:
         return
 
@@ -468,7 +489,9 @@ def _actuator(content: Content, draft: Draft) -> Iterator[Change]:
         def edit(draft: Draft) -> None:
             draft.put(tag, attribute, value)
 
-        return Change(f"{name}_{attribute}", "contradicted", f"actuator {name} {what}, the recorded motor does not", edit)
+        return Change(
+            f"{name}_{attribute}", "contradicted", f"actuator {name} {what}, the recorded motor does not", edit
+        )
 
     if model.actuator_ctrllimited[number]:
         yield setting("ctrllimited", "false", "clips its control")
@@ -501,12 +524,10 @@ def _left_out(content: Content, wanted: Wanted, notes: list[str]) -> Iterator[Ch
         elif name == "end-stop":
             made = _stop(content, entry)
         if made is None:
-            notes.append(
-                f"{name}@{entry['location']}: MJCF has no element for it that could be put into this file; effects.json holds it"
-            )
+            notes.append(f"{name}@{entry['location']}: no element of MJCF puts it into this file; effects.json holds it")
             continue
-        yield Change(f"{name}@{entry['location']}", "left-out",
-                     f"{name.replace('-', ' ')}: the recording shows it, the model has none", made, _interval(entry, main))  # fmt: skip
+        reason = f"{name.replace('-', ' ')}: the recording shows it, the model has none"
+        yield Change(f"{name}@{entry['location']}", "left-out", reason, made, _interval(entry, main))
 
 
 def _over(carrier: Carrier, draft: Draft) -> list[tuple[str, float]]:
@@ -529,7 +550,12 @@ def _backlash(carrier: Carrier, p: Mapping[str, float]) -> Callable[[Draft], Non
             return
         stiffness = draft.get(tag, "stiffness") or " ".join(_number(v) for v in carrier.stiffness)
         draft.put(tag, "stiffness", "0", old=stiffness)
-        _tendon(draft, f"{carrier.name}_play", f'stiffness="{stiffness}" springlength="{length}"', _over(carrier, draft))
+        _tendon(
+            draft,
+            f"{carrier.name}_play",
+            f'stiffness="{stiffness}" springlength="{length}"',
+            _over(carrier, draft),
+        )
 
     return edit
 
@@ -568,7 +594,12 @@ def _drag(content: Content, p: Mapping[str, float]) -> Callable[[Draft], None]:
 
     def edit(draft: Draft) -> None:
         if carrier is None:
-            _tendon(draft, f"{content.joint.link}_drag", f'damping="0 {_number(p["coefficient"])}"', _coefficients(content, "arm"))
+            _tendon(
+                draft,
+                f"{content.joint.link}_drag",
+                f'damping="0 {_number(p["coefficient"])}"',
+                _coefficients(content, "arm"),
+            )
         else:
             _put(draft, carrier, "damping", p["coefficient"] / abs(carrier.lever) ** 3, 1)
 

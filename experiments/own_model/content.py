@@ -208,7 +208,10 @@ def _torque_gain(system: OwnSystem, dofs: list[int], p: Real, joint: OwnJoint, r
     force = p.T @ (data.qfrc_actuator - before)[dofs] / unit
     if joint.rotor is not None and abs(force[1]) > 1e-6 * abs(force[0]):
         raise InputError(
-            model.actuator(actuator).name, "actuator", "acts on the load too, so it is not the motor", fix="see map.toml"
+            model.actuator(actuator).name,
+            "actuator",
+            "acts on the load too, so it is not the motor",
+            fix="see map.toml",
         )
     gain = float(force[0] if joint.rotor is not None else force[1]) * turning(system)
     return gain if joint.torque == "motor" else gain * ratio

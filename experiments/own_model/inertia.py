@@ -82,7 +82,9 @@ def put_mass(draft: Draft, content: Content, change: float, moment: float = 0.0)
         slender = 0.1 * about * (np.eye(3) - 0.9 * np.outer(along, along))
         values = np.diag(now.principal.T @ slender @ now.principal)
     if not _possible(values):
-        raise RefusedError(f"link {link}: no body of {now.mass:.4g} kg has the inertia that the recording asks for")
+        raise RefusedError(
+            f"link {link}: no body of {now.mass:.4g} kg has the inertia that the recording asks for"
+        )
     _write(draft, content, now, mass, now.centre + (reach - radius) * along, values)
 
 
@@ -108,14 +110,16 @@ def _arm(content: Content, now: MassProperties) -> Real:
     across = across - axis * float(axis @ across)
     if np.linalg.norm(across) < 1e-9:
         across = np.cross(axis, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 else [0.0, 1.0, 0.0])
-    return across / float(np.linalg.norm(across))
+    return np.asarray(across / np.linalg.norm(across), dtype=np.float64)
 
 
 def _inertial(draft: Draft, content: Content) -> tuple[Tag, Tag | None]:
     """The link's body and its ``<inertial>``."""
     sources = draft.sources
     if sources.urdf:
-        child = next(t for t in sources.select("child") if t.parent is sources.element("joint", content.joint.link))
+        child = next(
+            t for t in sources.select("child") if t.parent is sources.element("joint", content.joint.link)
+        )
         body = sources.element("link", child.attributes["link"][0])
     else:
         above = sources.element("joint", content.joint.link).parent
@@ -124,9 +128,7 @@ def _inertial(draft: Draft, content: Content) -> tuple[Tag, Tag | None]:
     return body, next((t for t in sources.tags if t.kind == "inertial" and t.parent is body), None)
 
 
-def _write(
-    draft: Draft, content: Content, now: MassProperties, mass: float, centre: Real, values: Real
-) -> None:
+def _write(draft: Draft, content: Content, now: MassProperties, mass: float, centre: Real, values: Real) -> None:
     body, inertial = _inertial(draft, content)
     if draft.sources.urdf:
         _write_urdf(draft, inertial, now, mass, centre, values)
@@ -141,7 +143,11 @@ def _write(
             return
         if draft.get(inertial, "fullinertia") is not None:
             full = now.principal @ np.diag(values) @ now.principal.T
-            draft.put(inertial, "fullinertia", _numbers([full[0, 0], full[1, 1], full[2, 2], full[0, 1], full[0, 2], full[1, 2]]))
+            draft.put(
+                inertial,
+                "fullinertia",
+                _numbers([full[0, 0], full[1, 1], full[2, 2], full[0, 1], full[0, 2], full[1, 2]]),
+            )
         else:
             own = _in_written_frame(inertial, now, values)
             draft.put(inertial, "diaginertia", _numbers(own))
@@ -173,7 +179,14 @@ def _write_urdf(
         raise RefusedError("the link's inertial frame is turned (rpy) in the URDF; its numbers are not rewritten")
     if origin is not None and not np.allclose(centre, now.centre, rtol=0.0, atol=1e-12):
         draft.put(origin, "xyz", _numbers(centre))
-    for key, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}.items():
+    for key, (i, j) in {
+        "ixx": (0, 0),
+        "iyy": (1, 1),
+        "izz": (2, 2),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyz": (1, 2),
+    }.items():
         if abs(full[i, j]) > _SAME * np.abs(full).max() or draft.get(inside["inertia"], key) is not None:
             value = 0.0 if abs(full[i, j]) <= _SAME * np.abs(full).max() else full[i, j]
             if abs(value - float(draft.get(inside["inertia"], key) or 0.0)) > _SAME * np.abs(full).max():

@@ -34,20 +34,19 @@ def numerics_change(sources: Sources, content: Content, step: Step, runs: Sequen
     if sources.urdf:
         return None
     few = list({(run.experiment, run.brake): run for run in runs}.values())
-    frictional = [c for c in content.carriers if c.frictionloss > 0.0]
-    exact = step([_settings(sources, content, FINE, bool(frictional))], few)
-    own = step([], few)
-    off = _difference(own, exact)
+    own = float(content.system.timestep)
+    frictional = any(c.frictionloss > 0.0 for c in content.carriers)
+    exact = step([_settings(sources, content, FINE, frictional=frictional)], few)
+    off = _difference(step([], few), exact)
     if off < CONVERGED:
         return None
-    timestep = FINE
-    for candidate in LADDER[:-1]:
-        if candidate <= content.system.timestep * 1.0000001 and (
-            _difference(step([_settings(sources, content, candidate, bool(frictional))], few), exact) < CONVERGED
-        ):
-            timestep = candidate
-            break
-    return _settings(sources, content, timestep, bool(frictional), off)
+    candidates = [None] if frictional else []  # the friction solver alone, then the steps up to the model's own
+    candidates += [h for h in LADDER if h <= own * 1.0000001] or [FINE]
+    for timestep in candidates[:-1]:
+        left = _difference(step([_settings(sources, content, timestep, frictional=frictional)], few), exact)
+        if left < CONVERGED:
+            return _settings(sources, content, timestep, frictional=frictional, off=off)
+    return _settings(sources, content, candidates[-1], frictional=frictional, off=off)
 
 
 def _difference(some: list[dict[str, Real]], others: list[dict[str, Real]]) -> float:
@@ -63,30 +62,34 @@ def _difference(some: list[dict[str, Real]], others: list[dict[str, Real]]) -> f
 
 
 def _settings(
-    sources: Sources, content: Content, timestep: float, frictional: bool, off: float = 0.0
+    sources: Sources, content: Content, timestep: float | None, *, frictional: bool, off: float = 0.0
 ) -> Change:
+    """RK4 at ``timestep`` [s] (``None``: the model's own integrator and step), and dry friction that holds when stuck."""
     own = content.system.model.opt
     name = str(mujoco.mjtIntegrator(int(own.integrator)).name).removeprefix("mjINT_")
 
     def edit(draft: Draft) -> None:
-        tag = next(reversed([t for t in sources.select("option") if not t.within("default")]), None)
-        if tag is None:
-            first = next(t for t in sources.tags if t.parent is sources.tags[0])
-            del first
-            draft.add(sources.tags[0], f'<option timestep="{timestep:g}" integrator="RK4"/>', element="option")
-        else:
-            draft.put(tag, "timestep", f"{timestep:g}", old=f"{own.timestep:g}")
-            draft.put(tag, "integrator", "RK4", old=name)
-        if not frictional:
-            return
+        if timestep is not None:
+            _put_option(draft, timestep, float(own.timestep), name)
         for carrier in content.carriers:
-            if carrier.frictionloss > 0.0:
+            if frictional and carrier.frictionloss > 0.0:
                 element = sources.element(carrier.kind, carrier.name)
                 draft.put(element, "solreffriction", f"{STUCK[0]:g} {STUCK[1]:g}")
                 draft.put(element, "solimpfriction", " ".join(f"{v:g}" for v in EXACT))
 
+    cure = "a friction solver that lets nothing creep" if timestep is None else f"RK4 at {timestep:g} s"
     reason = (
-        f"with {name} at {own.timestep:g} s the model is {100.0 * off:.2g} % off itself at {FINE:g} s; "
-        f"RK4 at {timestep:g} s is within {100.0 * CONVERGED:g} %"
+        f"with {name} at {own.timestep:g} s the model is {100.0 * off:.2g} % off itself at {FINE:g} s; {cure} is within "
+        f"{100.0 * CONVERGED:g} %"
     )
     return Change("numerics", "numerics", reason, edit)
+
+
+def _put_option(draft: Draft, timestep: float, own: float, integrator: str) -> None:
+    written = [t for t in draft.sources.select("option")]
+    if not written:
+        draft.add(draft.sources.tags[0], f'<option timestep="{timestep:g}" integrator="RK4"/>', element="option")
+        return
+    for attribute, value, old in (("timestep", f"{timestep:g}", f"{own:g}"), ("integrator", "RK4", integrator)):
+        tag = next((t for t in reversed(written) if attribute in t.attributes), written[-1])
+        draft.put(tag, attribute, value, old=old)

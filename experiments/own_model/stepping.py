@@ -59,7 +59,9 @@ class Bench:
     description: Mapping[str, Any]
     workers: int = 2
 
-    def step(self, spec: mujoco.MjSpec, joint: OwnJoint, runs: Sequence[Run], *, effects: bool) -> list[dict[str, Real]]:
+    def step(
+        self, spec: mujoco.MjSpec, joint: OwnJoint, runs: Sequence[Run], *, effects: bool
+    ) -> list[dict[str, Real]]:
         """Outputs of ``runs`` by column.
 
         Args:

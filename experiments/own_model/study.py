@@ -124,7 +124,9 @@ def study_own_model(
     bench = Bench(campaign, augment(model).description, workers)
     fitted, judged, held_out = _runs(campaign, answer)
     predictions = predict_campaign(dict(model), campaign)
-    trusted = [(run, {s.channel.column: np.asarray(y) for s, y in predictions.get(run.id, [])}) for run in campaign.runs]
+    trusted = [
+        (run, {s.channel.column: np.asarray(y) for s, y in predictions.get(run.id, [])}) for run in campaign.runs
+    ]
     signs = polarity(trusted)
     with tempfile.TemporaryDirectory(prefix="jointscope-") as folder:
         variants = _Variants(sources, joint, bench, signs, Path(folder))
@@ -146,9 +148,7 @@ def study_own_model(
         unchanged = variants.errors([], judged, laws=False)
         changed = variants.errors(kept, judged, laws="left-out" in kinds)
         before = mean_error(unchanged)
-        lines = [
-            KeptChange(c, variants.lines(c), before - variants.error([c], judged, laws=False)) for c in kept
-        ]
+        lines = [KeptChange(c, variants.lines(c), before - variants.error([c], judged, laws=False)) for c in kept]
         if "left-out" in kinds and variants.has_laws and not variants.can_act(kept):
             notes.append("a law of effects.json can't act on this model's own names: it is not stepped here")
         return OwnModelStudy(
@@ -222,9 +222,7 @@ def _level(run: Run) -> float:
     return max(float(np.nanstd(s.samples)) for s in run.select(role="output"))
 
 
-def _kept(
-    proposed: list[Change], error: Callable[[Sequence[Change]], float]
-) -> tuple[list[Change], list[Change]]:
+def _kept(proposed: list[Change], error: Callable[[Sequence[Change]], float]) -> tuple[list[Change], list[Change]]:
     """Changes whose absence from the full set costs more than chance; the rest."""
     if not proposed:
         return [], []
@@ -278,11 +276,15 @@ class _Variants:
         main, joint = self._placed(chosen, laws=True)
         return len(self.bench._laws(load_own(main), joint)) == len(self.bench.description.get("laws", []))
 
-    def outputs(self, chosen: Sequence[Change], runs: Sequence[Run], *, laws: bool = False) -> list[dict[str, Real]]:
+    def outputs(
+        self, chosen: Sequence[Change], runs: Sequence[Run], *, laws: bool = False
+    ) -> list[dict[str, Real]]:
         main, joint = self._placed(chosen, laws=laws)
         return self.bench.step(load_own(main), joint, runs, effects=laws)
 
-    def errors(self, chosen: Sequence[Change], runs: Sequence[Run], *, laws: bool | None = None) -> tuple[ChannelError, ...]:
+    def errors(
+        self, chosen: Sequence[Change], runs: Sequence[Run], *, laws: bool | None = None
+    ) -> tuple[ChannelError, ...]:
         laws = any(c.share == "left-out" for c in chosen) if laws is None else laws
         laws = laws and self.has_laws
         key = (frozenset(c.key for c in chosen), tuple(r.id for r in runs), laws)
@@ -296,7 +298,9 @@ class _Variants:
     def error(self, chosen: Sequence[Change], runs: Sequence[Run], *, laws: bool | None = None) -> float:
         value = mean_error(self.errors(chosen, runs, laws=laws))
         if math.isnan(value):
-            raise InputError(self.sources.files[0], None, "none of its outputs could be scored against the recordings")
+            raise InputError(
+                self.sources.files[0], None, "none of its outputs could be scored against the recordings"
+            )
         return value
 
 

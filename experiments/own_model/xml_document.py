@@ -157,7 +157,11 @@ def _tags(file: Path, text: bytes, number: int, parent: Tag | None) -> list[Tag]
         end = _end_of_tag(text, begin)
         above = next((t for t in reversed(opened) if t is not None), parent)
         where = {
-            match[1].decode(): (attributes[match[1].decode()], begin + match.start(2) + 1, begin + match.end(2) - 1)
+            match[1].decode(): (
+                attributes[match[1].decode()],
+                begin + match.start(2) + 1,
+                begin + match.end(2) - 1,
+            )
             for match in _ATTRIBUTE.finditer(text[begin:end])
         }
         tag = Tag(number, kind, begin, end, end, above, where)
