@@ -33,7 +33,9 @@ Kind = tuple[object, ...]
 
 REAL = 25.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
 REAL_FURTHER = 30.0  # the same of any further effect, which has the rest of an imperfect law to feed on
-OF_PARENT = 0.005  # and of the parent's own gain over the base
+REAL_TOGETHER = 50.0  # per effect of a set no part of which explains anything by itself
+OF_PARENT = 0.03  # and of the parent's own gain over the base
+IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
 CARRIES_OVER = 0.12  # held-out gain over what the same kind of runs gained in the fit, per sample
 HELD = 4.0  # nats that held-out runs must gain at least
 LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain
@@ -94,7 +96,7 @@ class Comparison:
         share: The same over what the child explains beyond the base, in that channel [-].
         parents: Effects of the parent: a further effect must explain more, since what a law of the right name but the
             wrong form leaves is always explained by something.
-        parent_gain: The parent's gain over the base [nats].
+        parent_gain: The parent's gain over the base, fitted and held out [nats].
     """
 
     gain: float
@@ -124,8 +126,10 @@ class Comparison:
     @property
     def stands(self) -> bool:
         """Real, carried over and material."""
+        held = 0.0 if math.isnan(self.held_gain) else self.held_gain
+        much = self.gain + held > IN_EVIDENCE * self.parent_gain
         needed = SHARES[min(self.parents, len(SHARES) - 1)]
-        return self.real and self.carries_over and self.material > MATERIAL and self.share > needed
+        return self.real and self.carries_over and self.material > MATERIAL and (self.share > needed or much)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,6 +249,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / max(int(sizes.sum()), 1))
     raw = 0.5 * (parent.fitted - child.fitted) / overdispersion
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
+    parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
     material, share = improvement(judgement.base.energies, parent.energies, child.energies)
     held_gain, expected, agreeing, lost = math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
@@ -280,6 +285,9 @@ def standing(judgement: Judgement) -> list[Judged]:
     found = []
     for child in judgement.judged[1:]:
         parts = [p for p in judgement.judged if set(p.names) < set(child.names)]
+        alone = max((len(p.names) for p in parts), default=0) + 1 < len(child.names)
+        if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
+            continue  # no part of it was worth fitting by itself
         if parts and all(compare(judgement, part, child).stands for part in parts):
             found.append(child)
     return sorted(found, key=lambda j: -score(judgement, j))

@@ -9,6 +9,7 @@ minimum phase, so no determinant is owed, and A_theta r = A_theta y - N u is the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -64,8 +65,13 @@ def ringing(pole: Pole, share: float, rate: float) -> Ringing:
 
 def second_order(frequency: float, zeta: float, rate: float) -> Vector:
     """Monic polynomial in z^-1 with the sampled poles of s^2 + 2 zeta w s + w^2, shape (3,)."""
-    w = 2.0 * np.pi * min(frequency, 0.45 * rate) / rate
-    return np.asarray(np.real(np.poly(np.exp(np.roots([1.0, 2.0 * zeta * w, w * w])))), dtype=np.float64)
+    w = 2.0 * math.pi * min(frequency, 0.45 * rate) / rate
+    if zeta < 1.0:
+        r, turn = math.exp(-zeta * w), w * math.sqrt(1.0 - zeta**2)
+        return np.array([1.0, -2.0 * r * math.cos(turn), r * r])
+    apart = w * math.sqrt(zeta**2 - 1.0)
+    slow, fast = math.exp(-zeta * w + apart), math.exp(-zeta * w - apart)
+    return np.array([1.0, -slow - fast, slow * fast])
 
 
 def resonance(problem: Problem, theta: Vector) -> Pole | None:

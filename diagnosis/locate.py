@@ -39,12 +39,14 @@ class Table:
 
     Attributes:
         active: The law with its node torques [N m].
+        base: Base parameters that go with it, shape (n_theta,).
         nodes: Where they stand [rad or rad/s], shape (9,).
         gain: On the fitted runs, net of Occam [nats].
         held_gain: On the held-out runs [nats]; ``nan`` without any.
     """
 
     active: ActiveEffect
+    base: Vector
     nodes: Vector
     gain: float
     held_gain: float
@@ -123,7 +125,9 @@ def tabled(judgement: Judgement, parent: Judged, spec: EffectSpec, held_jacobian
         held_gain = 0.5 * float(held_w @ held_w - held_left @ held_left)
     low, high = node_range(judgement.objective.problem, spec.location, spec.variant)
     active = ActiveEffect(spec, tuple(float(v) for v in step[where.n :]))
-    return Table(active, np.linspace(low, high, len(spec.parameters)), gain, held_gain)
+    moved = np.clip(x + step[: where.n], where.lower, where.upper)
+    theta, _ = where.unpack(moved)
+    return Table(active, theta, np.linspace(low, high, len(spec.parameters)), gain, held_gain)
 
 
 def places(judgement: Judgement, parent: Judged, specs: Sequence[EffectSpec] = LATENT) -> Places:
@@ -149,11 +153,17 @@ def places(judgement: Judgement, parent: Judged, specs: Sequence[EffectSpec] = L
     return Places(tuple(tables), probabilities, leader if probabilities[leader] > 0.5 and top > 0.0 else None)
 
 
+def resized_table(active: ActiveEffect, factor: float) -> ActiveEffect:
+    """All node torques multiplied."""
+    return ActiveEffect(active.spec, tuple(factor * v for v in active.values))
+
+
 def judged_table(judgement: Judgement, table: Table) -> Judged:
     """The table fitted by simulation error, base free: the usable model of an unknown force, and the black box."""
     base = judgement.base
     where = coordinates(judgement.objective.problem, (table.active.spec,))
-    theta, _ = base.fit.coordinates.unpack(base.fit.x)
-    x = where.pack(theta, (table.active,))
+    alone, _ = base.fit.coordinates.unpack(base.fit.x)
+    starts = [where.pack(table.base, (table.active,)), where.pack(alone, (resized_table(table.active, 0.3),))]
+    x = min(starts, key=lambda start: float(np.sum(np.square(judgement.objective.residual(start, where)))))
     fit = least_squares(judgement.objective, where, x, iterations=8, tolerance=1e-3, simulations=70)
     return evidence(Hypothesis((table.active.spec,), fit, 0.5 * fit.chi2), judgement.objective, judgement.held)
