@@ -1,0 +1,256 @@
+r"""What can be left out of an arm's model, joint by joint: the catalogue's laws, each at every joint that shows it.
+
+An effect's location carries its joint, ``transmission:elbow_joint``; the answer parts them again. Laws, all at the joint
+output:
+
+    motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
+    transmission  T_S = K dz(Delta, gap) ; K Delta + k_3 Delta^3 ; K Delta - a K w tanh(Delta/w)
+    neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
+    motor         n T_e times gain; n T_e behind a first-order lag
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from jointscope.diagnosis.arm import kernel
+from jointscope.diagnosis.effects.spec import EffectSpec, Family, Location, ParameterSpec, Values, one_start
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.arm.predict import ArmAssembly
+    from jointscope.diagnosis.arm.problem import ArmProblem
+
+Put = Callable[["ArmAssembly", Values], None]
+SEPARATOR = ":"
+MICRO = 1e-5  # rad/s: a rotor that moves less says nothing of its friction
+HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
+
+
+def split_location(location: str) -> tuple[str, str | None]:
+    """``transmission:elbow_joint`` as place and joint."""
+    place, _, joint = location.partition(SEPARATOR)
+    return place, joint or None
+
+
+def _spec(
+    name: str,
+    place: str,
+    joint: str | None,
+    variant: str,
+    family: Family,
+    parameters: tuple[ParameterSpec, ...],
+    put: Put,
+    law: str,
+    scale: tuple[float, float, float],
+    starts: tuple[Values, ...],
+    revealed_by: tuple[str, ...],
+    look_alikes: tuple[str, ...],
+) -> EffectSpec:
+    def apply(assembly: object, values: Values, weight: float) -> None:
+        put(cast("ArmAssembly", assembly), values)
+
+    location = place if joint is None else f"{place}{SEPARATOR}{joint}"
+    return EffectSpec(
+        name=name,
+        location=cast("Location", location),
+        variant=variant,
+        family=family,
+        parameters=parameters,
+        law=law,
+        revealed_by=revealed_by,
+        look_alikes=look_alikes,
+        apply=apply,  # type: ignore[arg-type]
+        scale=lambda problem: scale,
+        starts=one_start if starts == ((),) else lambda problem: starts,
+        possible=lambda problem: None,
+    )
+
+
+def _setter(joint: int, *columns: int) -> Put:
+    def put(assembly: ArmAssembly, values: Values) -> None:
+        for column, value in zip(columns, values, strict=True):
+            assembly.P[joint, column] = value
+
+    return put
+
+
+def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
+    joint, top = problem.facts.joints[j], _reach(problem, j)
+    speed = max(float(problem.rotor_speed[j]), MICRO)
+    scale = (0.01 * top, 0.06 * top, 0.3 * top)
+    torque = ParameterSpec("torque", "N m", 0.0, 3.0 * top, null=0.0)
+    coulomb = _spec(
+        "coulomb-friction", "motor", joint, "stick", "dissipative", (torque,), _setter(j, kernel.COULOMB),
+        "T_c sgn(s'), sticking while less than T_c acts", scale, ((),), ("torque-sweep", "speed-motion"),
+        ("stribeck-friction", "backlash"),
+    )  # fmt: skip
+
+    def put_stribeck(assembly: ArmAssembly, values: Values) -> None:
+        sliding, ratio, velocity = values
+        assembly.P[j, kernel.COULOMB] = sliding
+        assembly.P[j, kernel.BREAKAWAY] = sliding * ratio
+        assembly.P[j, kernel.STRIBECK_SPEED] = velocity
+
+    stribeck = _spec(
+        "stribeck-friction", "motor", joint, "stick", "dissipative",
+        (
+            torque,
+            ParameterSpec("breakaway_ratio", "1", 1.15, 4.0),
+            ParameterSpec("stribeck_velocity", "rad/s", 0.003 * speed, 1.0 * speed, log=True),
+        ),
+        put_stribeck, "(T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')", scale,
+        tuple((1.6, share * speed) for share in (0.02, 0.08, 0.3)), ("torque-sweep", "speed-motion"),
+        ("coulomb-friction",),
+    )  # fmt: skip
+    return [coulomb, stribeck]
+
+
+def _reach(problem: ArmProblem, j: int) -> float:
+    """Torque that friction at a motor is measured against [N m]: what its reducer hands on, or its drive gives."""
+    own = [float(np.max(np.abs(r.motor_half - np.median(r.motor_half)))) for r in problem.arm_runs if r.driven == j]
+    return max(float(problem.torque[j]), *own, 1e-3) if own else max(float(problem.torque[j]), 1e-3)
+
+
+def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
+    joint = problem.facts.joints[j]
+    wind_up, K = max(float(problem.wind_up[j]), 1e-9), float(problem.facts.stiffness[j])
+    gap = ParameterSpec("gap", "rad", 0.0, 6.0 * wind_up, null=0.0)
+    sizes = (0.02 * wind_up, 0.15 * wind_up, 0.7 * wind_up)
+    found = []
+    for variant, damped in (("undamped-gap", 0.0), ("damped-gap", 1.0)):
+
+        def put(assembly: ArmAssembly, values: Values, damped: float = damped) -> None:
+            assembly.P[j, kernel.GAP] = values[0]
+            assembly.P[j, kernel.GAP_DAMPING] = damped
+
+        found.append(
+            _spec(
+                "backlash", "transmission", joint, variant, "stiffness", (gap,), put,
+                "T_S = K dz(Delta, gap) + c Delta' (outside the gap, or everywhere)", sizes, ((),),
+                ("hammer", "torque-sweep", "speed-motion"), ("stiffness-nonlinearity", "coulomb-friction"),
+            )
+        )  # fmt: skip
+    size = K / wind_up**2
+    found.append(
+        _spec(
+            "stiffness-nonlinearity", "transmission", joint, "cubic", "stiffness",
+            (ParameterSpec("cubic", "N m/rad^3", -0.3 * size, 10.0 * size, null=0.0),), _setter(j, kernel.CUBIC),
+            "T_S = K Delta + k_3 Delta^3", (0.02 * size, 0.1 * size, 0.5 * size), ((),), ("hammer", "torque-sweep"),
+            ("backlash",),
+        )
+    )  # fmt: skip
+
+    def put_soft(assembly: ArmAssembly, values: Values) -> None:
+        assembly.P[j, kernel.SOFT_SHARE], assembly.P[j, kernel.SOFT_WIDTH] = values
+
+    found.append(
+        _spec(
+            "stiffness-nonlinearity", "transmission", joint, "soft-centre", "stiffness",
+            (
+                ParameterSpec("soft_share", "1", -0.5, 0.7, null=0.0),
+                ParameterSpec("transition_angle", "rad", 0.03 * wind_up, 5.0 * wind_up, log=True),
+            ),
+            put_soft, "T_S = K Delta - a K w tanh(Delta/w)", (0.02, 0.1, 0.3),
+            tuple((share * wind_up,) for share in (0.15, 0.6)), ("hammer", "torque-sweep"), ("backlash",),
+        )
+    )  # fmt: skip
+    return found
+
+
+def _neighbour(problem: ArmProblem, j: int) -> EffectSpec:
+    joint, inertia = problem.facts.joints[j], float(problem.locked_inertia[j])
+
+    def put(assembly: ArmAssembly, values: Values) -> None:
+        frequency, ratio = values
+        if not math.isfinite(frequency):
+            return
+        K = inertia * (2.0 * math.pi * frequency) ** 2
+        assembly.elastic = assembly.elastic.copy()
+        assembly.elastic[j] = True
+        assembly.P[j, kernel.STIFFNESS] = K
+        assembly.P[j, kernel.DAMPING] = 2.0 * ratio * math.sqrt(K * inertia)
+
+    return _spec(
+        "neighbour-flexibility", "neighbour", joint, "reducer", "mode",
+        (
+            ParameterSpec("frequency", "Hz", 2.0, HIGHEST, log=True, null=math.inf),
+            ParameterSpec("damping", "1", 0.002, 0.5, log=True),
+        ),
+        put, "a reducer between the links: K_j = M_jj (2 pi f)^2, f with every other joint rigid", (120.0, 45.0, 20.0),
+        ((0.03,),), ("hammer", "torque-sweep", "speed-motion"), ("link-flexibility",),
+    )  # fmt: skip
+
+
+def _drive(problem: ArmProblem, j: int) -> list[EffectSpec]:
+    joint = problem.facts.joints[j]
+
+    def put_gain(assembly: ArmAssembly, values: Values) -> None:
+        if assembly.run.driven == j:
+            assembly.gain = values[0]
+
+    def put_lag(assembly: ArmAssembly, values: Values) -> None:
+        if assembly.run.driven == j:
+            assembly.lag = values[0]
+
+    return [
+        _spec(
+            "torque-gain", "motor", joint, "factor", "input", (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),),
+            put_gain, "n T_e times gain", (1.01, 1.05, 1.2), ((),), ("torque-sweep", "speed-motion"), ("sensor-gain",),
+        ),
+        _spec(
+            "drive-lag", "motor", joint, "first-order", "input",
+            (ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),), put_lag,
+            "n T_e behind a first-order lag", (2e-4, 1e-3, 4e-3), ((),), ("torque-sweep",), ("delay",),
+        ),
+    ]  # fmt: skip
+
+
+def _recorder(problem: ArmProblem) -> list[EffectSpec]:
+    """Faults of the recording that a joint would else be blamed for."""
+    found = []
+    if any(r.late_motor or any(o.device != 0 for o in r.outputs) for r in problem.arm_runs):
+
+        def put_delay(assembly: ArmAssembly, values: Values) -> None:
+            assembly.late = values[0]
+
+        found.append(
+            _spec(
+                "delay", "acquisition", None, "constant", "sensor-time",
+                (ParameterSpec("delay", "s", -0.02, 0.02, null=0.0),), put_delay, "the drive's log stamps late",
+                (2e-4, 1e-3, 4e-3), ((),), ("torque-sweep",), ("drive-lag",),
+            )
+        )  # fmt: skip
+
+    def put_gain(assembly: ArmAssembly, values: Values) -> None:
+        assembly.readings = values[0]
+
+    if any(p >= 0 for r in problem.arm_runs for p in r.probes):
+        found.append(
+            _spec(
+                "sensor-gain", "acquisition", None, "factor", "sensor-gain",
+                (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),), put_gain, "accelerations times gain",
+                (1.01, 1.05, 1.2), ((),), ("hammer", "torque-sweep"), ("torque-gain",),
+            )
+        )  # fmt: skip
+    return found
+
+
+def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
+    """Every law at every joint that these recordings can show it at."""
+    found: list[EffectSpec] = []
+    runs = problem.arm_runs
+    for j in np.flatnonzero(problem.seen):
+        springs = [r for r in runs if problem.mask(r)[j]]
+        if any(r.kinds[j] != kernel.BRAKED for r in springs) and problem.rotor_speed[j] > MICRO:
+            found.extend(_friction(problem, int(j)))
+        if springs and problem.wind_up[j] > 0.0:
+            found.extend(_transmission(problem, int(j)))
+        if len(springs) < len(runs) and not springs:
+            found.append(_neighbour(problem, int(j)))
+        if any(r.driven == j for r in runs):
+            found.extend(_drive(problem, int(j)))
+    return (*found, *_recorder(problem))

@@ -1,0 +1,41 @@
+"""An arm's diagnosis from end to end, by the same stages and rules as a single joint's (``jointscope.diagnosis.pipeline``).
+
+Only what drives them differs: the arm's forward model and the catalogue of effects at every joint. A force without a name
+and the choice of the next recording belong to the single joint's model and are left out here.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+from jointscope.diagnosis.adjudicate import judge
+from jointscope.diagnosis.arm.effects import arm_catalogue
+from jointscope.diagnosis.arm.predict import predict_outputs
+from jointscope.diagnosis.arm.problem import ArmProblem
+from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.locate import Places
+from jointscope.diagnosis.pipeline import Diagnosis, silent
+from jointscope.diagnosis.rounds import Report, explore
+from jointscope.diagnosis.search import Effort
+from jointscope.diagnosis.split import split_runs
+from jointscope.diagnosis.verdict import decide
+
+EFFORT = Effort(hits=5, others=2, screen_hits=3, screen_others=1, singles=6, refine=14, pairs=0, beam=1, children=2, size=2, fit_simulations=40, polished=3)
+
+
+def diagnose_arm(
+    problem: ArmProblem, pool: ThreadPoolExecutor, *, effort: Effort = EFFORT, report: Report = silent
+) -> Diagnosis:
+    """Diagnose a prepared arm's campaign.
+
+    Args:
+        pool: Threads that run the simulations; the answer does not depend on their number.
+        report: Told of every stage as it begins.
+    """
+    split = split_runs(problem)
+    report(f"refitting the base model to {len(split.estimate)} runs")
+    stage = refit_base(problem, predict_outputs, split.estimate, pool)
+    screening, hypotheses = explore(stage, arm_catalogue(problem), effort, report)
+    report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
+    judgement = judge(stage, hypotheses, split.held_out)
+    return Diagnosis(problem, split, stage, screening, judgement, decide(judgement), Places((), {}, None), None)

@@ -1,0 +1,147 @@
+"""An arm's campaign as a problem of estimation: which joints it sees, which parameters are free, and where they start.
+
+Nothing is read from titles, notes, ids, file or column names, or from the order of runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.arm import kernel
+from jointscope.diagnosis.arm.geometry import ArmFacts, arm_facts
+from jointscope.diagnosis.arm.linear import Figures, changes, fitted_start
+from jointscope.diagnosis.arm.problem import COMMON, PER_JOINT, ArmProblem, ArmRun, parameter
+from jointscope.diagnosis.arm.runs import arm_run
+from jointscope.diagnosis.problem import BaseSpec
+from jointscope.diagnosis.sizes import unit_scales
+from jointscope.errors import RefusedError
+from jointscope.recordings.campaign import Campaign
+
+Vector = NDArray[np.float64]
+
+SEEN = 0.004  # relative change of the sensors' response below which a joint is rigid to these recordings
+INFORMED = 0.02  # the same below which its figures stay as stated
+SOFT_HZ = 25.0  # resonance on its own of a joint that is rigid in the model, to ask whether softness would show
+
+
+def prepare_arm(campaign: Campaign) -> ArmProblem:
+    """Read an arm's campaign.
+
+    Raises:
+        RefusedError: No run holds an input and an output of the arm, or geometry is missing.
+    """
+    facts = arm_facts(campaign)
+    runs: list[ArmRun] = []
+    findings: list[str] = []
+    for run in campaign.runs:
+        made = arm_run(run, campaign.rig, facts, len(runs))
+        if made is not None:
+            runs.append(made[0])
+            findings.extend(made[1])
+    if not runs:
+        raise RefusedError(
+            f"{campaign.path}: no run holds a hammer force or a motor torque together with an acceleration or a motor "
+            "angle of the arm"
+        )
+    figures = Figures(
+        facts.stiffness, facts.damping, facts.rotor_inertia, facts.rotor_damping, facts.drive_stiffness,
+        facts.drive_damping,
+    )  # fmt: skip
+    visibility = _visibility(runs, facts, figures)
+    seen = np.asarray(visibility > SEEN)
+    seen[facts.tested] = True
+    masks = {run.index: np.asarray(facts.elastic & seen & ~run.locked) for run in runs}
+    sought = np.flatnonzero(facts.elastic & (visibility > INFORMED) & ~_always_locked(runs))
+    K, c = fitted_start(runs, figures, masks, sought)
+    stated, facts = facts, replace(facts, stiffness=K, damping=c)
+    problem = ArmProblem(
+        rig=campaign.rig, runs=tuple(runs), base=_base(facts, runs, masks, sought), scales=unit_scales(),
+        findings=tuple(findings), facts=facts, stated=stated, seen=seen, visibility=visibility,
+        rotor_speed=np.zeros(len(K)), wind_up=np.zeros(len(K)), torque=np.zeros(len(K)),
+        locked_inertia=facts.reference.locked_inertia(runs[0].run.posture),
+    )  # fmt: skip
+    return _with_sizes(problem)
+
+
+def _always_locked(runs: list[ArmRun]) -> NDArray[np.bool_]:
+    return np.asarray(np.all([run.locked for run in runs], axis=0))
+
+
+def _visibility(runs: list[ArmRun], facts: ArmFacts, figures: Figures) -> Vector:
+    """How much every joint's compliance changes what is read, over all runs, shape (n,).
+
+    For a joint that the model has rigid: how much it would with a resonance of its own at ``SOFT_HZ``.
+    """
+    n = len(facts.joints)
+    found = np.zeros(n)
+    distinct = {(r.run.experiment, tuple(r.kinds), tuple(np.round(r.plant.hit, 4)), tuple(r.locked)): r for r in runs}
+    for run in distinct.values():
+        springs = np.asarray(facts.elastic & ~run.locked)
+        for j in range(n):
+            with_it, without = springs.copy(), springs.copy()
+            with_it[j], without[j] = True, False
+            at = figures
+            if not springs[j]:
+                K, c = figures.stiffness.copy(), figures.damping.copy()
+                K[j] = float(run.plant.mass[0, j, j]) * (2.0 * np.pi * SOFT_HZ) ** 2
+                c[j] = 0.04 * np.sqrt(K[j] * float(run.plant.mass[0, j, j]))
+                at = replace(figures, stiffness=K, damping=c)
+            braked = replace(run, kinds=np.where(springs, run.kinds, kernel.BRAKED))
+            found[j] = max(found[j], changes(braked, at, with_it, without))
+    return found
+
+
+def _base(
+    facts: ArmFacts, runs: list[ArmRun], masks: dict[int, NDArray[np.bool_]], sought: NDArray[np.int_]
+) -> BaseSpec:
+    n = len(facts.joints)
+    values = np.stack(
+        [facts.stiffness, facts.damping, facts.rotor_inertia, facts.rotor_damping, facts.drive_stiffness,
+         facts.drive_damping]
+    )  # fmt: skip
+    springs = np.any([masks[r.index] for r in runs], axis=0)
+    turning = np.any([(r.kinds != kernel.BRAKED) & masks[r.index] for r in runs], axis=0)
+    held = np.any([(r.kinds == kernel.HELD) & masks[r.index] for r in runs], axis=0)
+    driven = np.any([r.kinds == kernel.DRIVEN for r in runs], axis=0)
+    informed = np.isin(np.arange(n), sought)
+    free = np.stack(
+        [springs & informed, springs & informed, driven & (facts.rotor_inertia <= 0.0), driven & turning,
+         held & informed, held & informed]
+    )  # fmt: skip
+    if np.any(free[2]):
+        values[2] = np.where(facts.rotor_inertia <= 0.0, 5.0, values[2])
+    scale = np.where(values > 0.0, values, 1.0)
+    scale[3] = np.maximum(scale[3], 5.0)
+    lower = np.stack([0.1 * scale[0], 0.0 * scale[1], 0.02 * scale[2], 0.0 * scale[3], 0.2 * scale[4], 0.1 * scale[5]])
+    upper = np.stack([10.0 * scale[0], 30.0 * scale[1], 50.0 * scale[2], 100.0 * scale[3], 5.0 * scale[4], 8.0 * scale[5]])
+    moved = [r for r in runs if r.driven >= 0]
+    gap = [float(r.plant.gravity[_at_start(r), r.driven] - np.mean(r.motor_half[: round(0.1 * r.grid_rate)])) for r in moved]
+    size = max([float(np.ptp(r.motor_half)) for r in moved], default=1.0)
+    names = tuple(parameter(kind, joint) for kind in PER_JOINT for joint in facts.joints) + COMMON
+    nuisance = np.repeat([False, False, False, False, True, True], n)
+    return BaseSpec(
+        names=names,
+        start=np.append(values.ravel(), float(np.median(gap)) if gap else 0.0),
+        lower=np.append(lower.ravel(), -size),
+        upper=np.append(upper.ravel(), size),
+        scale=np.append(scale.ravel(), 0.05 * size),
+        free=np.append(free.ravel(), bool(moved)),
+        nuisance=np.append(nuisance, True),
+    )
+
+
+def _at_start(run: ArmRun) -> int:
+    """Node of the table at which the run begins."""
+    return int(round(-run.plant.low / run.plant.step)) if run.plant.moving >= 0 else 0
+
+
+def _with_sizes(problem: ArmProblem) -> ArmProblem:
+    """Typical speeds, wind-ups and torques of every joint under the base's start."""
+    from jointscope.diagnosis.arm.predict import peaks
+
+    found = [peaks(run, problem.base.start, problem) for run in problem.runs]
+    speed, wind_up, torque = (np.max([f[i] for f in found], axis=0) for i in range(3))
+    return replace(problem, rotor_speed=speed, wind_up=wind_up, torque=torque)
