@@ -208,10 +208,12 @@ def block_noise(
 
 def quantum(output: Output) -> float:
     """The recorder's step: the smallest change between samples if the record sits on a grid, else 0 [its unit]."""
-    steps = np.abs(np.diff(output.data[output.mask]))
+    data = output.data[output.mask]
+    steps = np.abs(np.diff(data))
     steps = steps[steps > 0.0]
-    if steps.size < 32:
-        return 0.0
+    if steps.size < max(32, data.size // 32):  # it hardly ever leaves its step
+        levels = np.unique(data)
+        return float(np.min(np.diff(levels))) if 1 < levels.size < data.size // 8 else 0.0
     smallest = float(np.percentile(steps, 1.0))
     multiples = steps / smallest
     on_grid = np.mean(np.abs(multiples - np.round(multiples)) < 0.02)
