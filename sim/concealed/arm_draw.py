@@ -136,18 +136,22 @@ def _chosen(wish: str, bench: ArmBench, rng: np.random.Generator) -> tuple[tuple
         return (), 1.0
     bare = rehearse_arm(bench, (), np.random.default_rng(0), few=True)
     giving = [row.name for row in bench.truth.joints]
-    candidates = [j for j in giving if wish != "torque-gain" or j == JOINT]
+    candidates = [JOINT] if wish == "torque-gain" else giving
     if wish in ("coulomb-friction", "stribeck-friction") and rng.random() < 0.5:
         candidates = [JOINT]  # the one that moves shows it best
     joint = str(rng.choice(candidates))
-    if wish == "backlash":  # where gravity presses one flank least
-        joint = min(giving, key=lambda j: _preload(bare, j) / _swing(bare, j) * float(rng.uniform(0.5, 2.0)))
+    if wish == "torque-gain":
+        gain = float(1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.04, 0.15))
+        values = {"gain": gain}
+        return (ArmEffect(effect=wish, location="motor", joint=joint, law="factor", values=values),), abs(gain - 1.0)
+    if wish == "backlash":  # where gravity presses one flank least, for a flank that is never left shows no play
+        joint = min(giving, key=lambda j: _preload(bare, j) / _swing(bare, j) * float(rng.uniform(0.8, 1.25)))
     target = SEEN * float(np.exp(rng.uniform(0.0, np.log(8.0))))
     level, share, effect = float(rng.uniform(0.15, 0.4)), 0.0, None
     for _ in range(4):
         effect = _effect(wish, joint, level, bare, bench, np.random.default_rng(rng.integers(1 << 31)))
         share = _share(bare, rehearse_arm(bench, (effect,), np.random.default_rng(0), few=True))
-        if wish == "torque-gain" or 0.6 * target < share < 1.8 * target:
+        if 0.6 * target < share < 1.8 * target:
             break
         level *= float(np.clip((target / max(share, 1e-4)) ** 0.8, 0.2, 4.0))
         level = min(level, 3.0)
@@ -165,9 +169,6 @@ def _effect(
         wind_up = _swing(bare, joint) / _stiffness(bench, joint)
         return ArmEffect(effect=wish, location="transmission", joint=joint, law="polynomial",
                          values={"cubic": level * _stiffness(bench, joint) / wind_up**2})  # fmt: skip
-    if wish == "torque-gain":
-        gain = float(1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.04, 0.15))
-        return ArmEffect(effect=wish, location="motor", joint=joint, law="factor", values={"gain": gain})
     torque = level * _rotor_torque(bare, joint)
     if wish == "coulomb-friction":
         return ArmEffect(effect=wish, location="motor", joint=joint, law="friction-constraint", values={"torque": torque})

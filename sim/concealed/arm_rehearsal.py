@@ -220,7 +220,8 @@ def recorded_run(take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...],
     if take.torque is not None:
         streams.append(_log(take, bench, effects, name, rng))
     believed = {row.name for row in bench.lab.joints}
-    hold = {n: take.hold[n] if n in believed else "locked" for n in take.posture}
+    rigid = "locked" if take.force is None else "brake"
+    hold = {n: take.hold[n] if n in believed else rigid for n in take.posture}
     return Run(
         id=name, experiment=take.kind, streams=tuple(streams), brake=take.force is not None,
         arm_angle=-take.posture[JOINT], joint=JOINT if take.spot is None else take.spot.joint,

@@ -93,6 +93,8 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(
             options.map, None, "a map belongs to a model", fix="give the model too: --model robot.xml"
         )
+    if campaign.rig.topology == "arm":
+        return _arm(options, campaign, report)
     simulate = _simulation(options, campaign, report)
     problem = prepare(campaign)
     workers = options.workers or os.cpu_count() or 1
@@ -113,6 +115,21 @@ def run(options: argparse.Namespace) -> int:
     write_report(models_of(diagnosis), answer, free_prediction, options.out, came_from)
     write_augmented(model, options.out)
     print(text if options.json else summary(answer, options.out), end="")
+    return 0
+
+
+def _arm(options: argparse.Namespace, campaign: Campaign, report: Report) -> int:
+    """Several joints: effects are named with theirs."""
+    import json
+    import os
+
+    from jointscope.diagnosis.arm.written import arm_summary, write_arm_diagnosis
+    from jointscope.errors import RefusedError
+
+    if options.model is not None or options.simulated is not None:
+        raise RefusedError("--model and --simulated take one joint's campaign; an arm's holds its model already")
+    answer = write_arm_diagnosis(campaign, options.out, options.workers or os.cpu_count() or 1, report)
+    print(json.dumps(answer, indent=2) + "\n" if options.json else arm_summary(answer, options.out), end="")
     return 0
 
 
