@@ -231,7 +231,7 @@ def refitted(
         else:
             damping *= 10.0
         if after > 0.99 * before:
-            if fresh and damping > 1e-2:
+            if fresh and (after <= before or damping > 1e-2):
                 break
             if not fresh:
                 slopes = np.zeros((r.size, 0))

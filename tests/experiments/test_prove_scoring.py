@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from jointscope.experiments.prove import diagnosing, leak, measures
+from jointscope.experiments.prove import diagnosing, failures, leak, measures, table
 from jointscope.experiments.prove.diagnosing import Answer
 from jointscope.experiments.prove.judging import FAMILIES, judge
-from jointscope.experiments.prove.proof import prove
+from jointscope.experiments.prove.proof import prove, publish, saved
 from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
 from jointscope.sim.concealed.paperwork import write_case
 from jointscope.sim.concealed.seal import SealError, folder_digest, write_seal
@@ -129,6 +130,105 @@ def test_calibration_error_of_a_calibrated_forecaster_goes_to_zero():
     assert measures.calibration_error(np.full(2000, 0.9), rng.random(2000) < 0.6) == pytest.approx(0.3, abs=0.04)
 
 
+def test_below_visibility_none_is_right_too():
+    """z < 4: an effect that nothing could see counts as none."""
+    asked = truth(z_d=2.0)
+    assert not judge(asked, answer("none")).exact
+    asked["strength"]["z"] = 3.0
+    assert judge(asked, answer("none")).exact
+    assert not judge(asked, answer(effects=(("hysteresis", "transmission"),))).exact
+
+
+def test_what_was_made_to_be_undecidable_counts_by_its_band():
+    """An undecidable case that can be told after all has to be told."""
+    assert not judge(truth("undecidable", z_d=20.0), answer("unknown")).exact
+    assert judge(truth("undecidable", z_d=2.0), answer("unknown")).exact
+    judged = [judge(truth("undecidable", z_d=20.0), answer())]
+    assert measures.singles(judged, "medium") == judged
+
+
+@pytest.mark.parametrize(
+    ("true", "covered"), [(1.25e-4, True), (1.28e-4, False), (0.95e-4, True), (0.92e-4, False)]
+)
+def test_intervals_are_judged_as_90_percent_intervals(true, covered):
+    """1.1 [0.9, 1.3] at 95 % is 1.1 [0.932, 1.268] at 90 %."""
+    effect = {**EFFECT, "parameters": {"gap": true}}
+    assert judge(truth("single", (effect,)), answer()).covered is covered
+
+
+def test_gain_towards_the_true_structure_comes_from_the_ranking():
+    """Where the ranking states what the true structure reaches, the gain is relative to that."""
+    ranking = [{"effects": ["backlash@transmission"], "probability": 0.2, "held_out_error": 0.025}]
+    judged = judge(truth(), answer(effects=(("hysteresis", "transmission"),), ranking=ranking))
+    assert judged.gain_fitted == pytest.approx(0.07 / 0.075)
+    assert math.isnan(judge(truth(), answer()).gain_fitted)
+
+
+TWO = (EFFECT, {**EFFECT, "effect": "coulomb-friction", "location": "load"})
+BACKLASH = ("backlash", "transmission")
+
+
+@pytest.mark.parametrize(
+    ("known", "said", "kind"),
+    [
+        (truth(), answer(status="timed-out"), "crashed or timed out"),
+        (truth("null", ()), answer(), "false alarm"),
+        (truth("null", ()), answer("unknown"), "a mismatch seen in a null"),
+        (truth(), answer("none"), "missed"),
+        (truth("unlisted", (UNLISTED,)), answer(), "unlisted, given a listed name"),
+        (truth(), answer("unknown", candidates=[["backlash@transmission"]]), "left open, the truth in the set"),
+        (truth(), answer("unknown", candidates=[["delay@acquisition"]]), "left open, the truth not in the set"),
+        (truth(), answer("unknown"), "taken for something unlisted"),
+        (truth(z_d=2.0), answer(effects=(("hysteresis", "transmission"),)), "named though it can't be told"),
+        (truth(), answer(effects=(BACKLASH, ("delay", "acquisition"))), "something named beside the truth"),
+        (truth("pair", TWO), answer(), "one of two"),
+        (truth("pair", TWO), answer(effects=(BACKLASH, ("delay", "acquisition"))), "one of two, with a wrong one"),
+        (truth("single", (TWO[1],)), answer(effects=(("coulomb-friction", "motor"),)), "right name, wrong place"),
+        (truth(), answer(effects=(("hysteresis", "transmission"),)), "taken for a look-alike"),
+        (truth(), answer(effects=(("transmission-error", "transmission"),)), "wrong name, right place"),
+        (truth(), answer(effects=(("delay", "acquisition"),)), "something else named"),
+        (truth(), answer(), None),
+    ],
+)  # fmt: skip
+def test_wrong_answers_fall_into_classes(known, said, kind):
+    """Every class is met by the answer that it is for, and every class is explained."""
+    assert failures.failure(judge(known, said), said.diagnosis) == kind
+    assert kind is None or kind in failures.CLASSES
+
+
+def test_the_example_of_a_class_is_its_surest_answer():
+    """The one that would have misled most, with what the truth says about why."""
+    known = {name: truth(case=name) for name in ("a", "b")}
+    said = {"a": answer("none", probability=0.6), "b": answer("none", probability=0.95)}
+    judged = [judge(known[name], said[name]) for name in ("a", "b")]
+    found = failures.failures(judged, {name: a.diagnosis for name, a in said.items()}, known)
+    assert [kind["class"] for kind in found] == ["missed"]
+    assert found[0]["cases"] == 2
+    assert found[0]["example"]["case"] == "b"
+    assert "20.0 standard deviations" in failures.why(judge({**known["b"], "strength": {**known["b"]["strength"],
+        "nearest": "hysteresis@transmission"}}, said["b"]), [], known["b"])  # fmt: skip
+    assert set(failures.TELLS) == set(FAMILIES)
+
+
+def test_the_gap_has_newcombes_interval():
+    """Newcombe (1998), table II: 56/70 against 48/80 gives 0.20 [0.0524, 0.3339] (method 10)."""
+    near = [judge(truth(), answer("effects" if i < 56 else "none")) for i in range(70)]
+    odd = truth("single", ({**EFFECT, "departs": True},))
+    far = [judge(odd, answer("effects" if i < 48 else "none")) for i in range(80)]
+    gap = measures.law_gap([*near, *far])["medium"]
+    assert gap["gap"] == pytest.approx(20.0)
+    assert (gap["low"], gap["high"]) == (pytest.approx(5.24, abs=0.01), pytest.approx(33.39, abs=0.01))
+
+
+def test_bootstrap_intervals_hold_their_value():
+    """Of a median over many cases; shares keep Wilson's."""
+    judged = [judge(truth(), replace(answer(), seconds=20.0 + i % 7)) for i in range(40)]
+    row = next(row for row in table.table(judged, draws=60) if row.name == "wall time per campaign: median")
+    assert row.interval is not None
+    assert row.interval[0] <= row.number <= row.interval[1]
+    assert row.interval[1] - row.interval[0] < 5.0
+
+
 def test_every_listed_effect_has_a_family():
     """The families cover the contract's table."""
     from jointscope.sim.concealed import catalogue
@@ -176,7 +276,14 @@ def test_the_whole_proof_from_kept_answers(tmp_path):
     assert rows["single, name and location exact: medium"]["value"]["hits"] == 1
     assert (out / "proof.md").read_text().startswith("# The proof: effects concealed")
     assert (out / "reliability.png").stat().st_size > 1000
-    assert prove(tmp_path / "draw", out, workers=1, limit=10.0, first=None)["openings"] == {"times": 2, "answers": 1}
+    assert saved(tmp_path / "draw", out) == json.loads((out / "summary.json").read_text())
+    publish(summary, tmp_path / "docs" / "proof.md")
+    assert "](proof/power.png)" in (tmp_path / "docs" / "proof.md").read_text()
+    assert (tmp_path / "docs" / "proof" / "summary.json").stat().st_size < 150_000
+    assert prove(tmp_path / "draw", out, workers=1, limit=10.0, first=None)["openings"] == {
+        "times": 2,
+        "answers": 1,
+    }
 
 
 def test_a_campaign_that_was_exchanged_is_refused(tmp_path):
@@ -207,16 +314,49 @@ def test_a_process_that_dies_or_hangs_is_a_wrong_answer(tmp_path):
     assert late[0].status == "timed-out"
 
 
-def test_the_probe_finds_a_leak_that_is_there():
+@pytest.mark.parametrize("classifier", leak.CLASSIFIERS.values(), ids=leak.CLASSIFIERS)
+def test_the_probe_finds_a_leak_that_is_there(classifier):
     """One telling feature among thirty is found; none is not."""
     rng = np.random.default_rng(3)
     labels = rng.random(150) < 0.6
-    table = rng.standard_normal((150, 30))
-    assert leak.probe(table, labels, rng, shuffles=39).p_value > 0.02
-    table[:, 4] += 1.2 * labels
-    found = leak.probe(table, labels, rng, shuffles=39)
+    x = rng.standard_normal((150, 30))
+    assert leak.probe(x, labels, rng, shuffles=39, classifier=classifier).p_value > 0.02
+    x[:, 4] += 1.2 * labels
+    found = leak.probe(x, labels, rng, shuffles=39, classifier=classifier)
     assert found.p_value <= 0.03
     assert found.score > 0.6
+
+
+def test_boosting_finds_what_a_line_cant():
+    """A label that depends on whether a size is near its middle."""
+    rng = np.random.default_rng(4)
+    x = rng.standard_normal((200, 20))
+    labels = (np.abs(x[:, 7]) < 0.67) ^ (rng.random(200) < 0.1)
+    assert leak.probe(x, labels, rng, shuffles=39, classifier=leak.boosted).p_value <= 0.03
+    assert leak.probe(x, labels, rng, shuffles=39, classifier=leak.logistic).score < 0.62
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("0.8", "0.80000000000000004"),
+        lambda text: text + "\n# backlash\n",
+        lambda text: text.replace("1024.0", "1025.0"),
+    ],
+)
+def test_the_probe_sees_every_trace_in_the_paperwork(tmp_path, change):
+    """Formatting of numbers, a comment, a rate: each moves the features."""
+    for name in ("plain", "changed"):
+        write_case(_small_campaign(0), tmp_path / "a" / name)
+    file = tmp_path / "a" / "changed" / "campaign.toml"
+    text = file.read_text()
+    assert change(text) != text
+    file.write_text(change(text))
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a" / "changed").rename(tmp_path / "b" / "plain")
+    first, second = leak.features(tmp_path / "a" / "plain"), leak.features(tmp_path / "b" / "plain")
+    size = [i for i in range(first.size) if i not in (1,)]
+    assert np.any(first[size] != second[size])
 
 
 def test_nan_has_no_place_in_json():

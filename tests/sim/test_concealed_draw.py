@@ -134,8 +134,9 @@ def test_paperwork_does_not_tell_hits_from_misses(tmp_path):
         paperwork.write_case(paperwork.campaign(bench.rig, bench.plan, records, plate, rng), folder)
         rows.append(leak.features(Path(folder)))
         labels.append(np.random.default_rng(kind_seed).random() > 0.33)
-    found = leak.probe(np.array(rows), np.array(labels), np.random.default_rng(1))
-    assert found.at_chance
+    for classifier in leak.CLASSIFIERS.values():
+        found = leak.probe(np.array(rows), np.array(labels), np.random.default_rng(1), classifier=classifier)
+        assert found.at_chance
 
 
 def _silence(bench, take):
