@@ -40,7 +40,7 @@ BASE_INDEX = {name: index for index, name in enumerate(BASE_NAMES)}
 
 OBSERVER_HZ = 3.0  # below every resonance of a joint, above the drift of a torque log
 COMMAND_HZ = 0.3  # the same where the drive's command stands for the motor's speed: it is followed only so closely
-_OBSERVER_ZETA = 0.8
+OBSERVER_ZETA = 0.8
 
 
 @dataclass
@@ -170,7 +170,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
         if observed.rate_signal:
             P[kernel.OBS_2] = w0
         else:
-            P[kernel.OBS_1], P[kernel.OBS_2] = 2.0 * _OBSERVER_ZETA * w0, w0 * w0
+            P[kernel.OBS_1], P[kernel.OBS_2] = 2.0 * OBSERVER_ZETA * w0, w0 * w0
         row = {("motor", False): kernel.OBS_QS, ("motor", True): kernel.OBS_VS, ("arm", False): kernel.OBS_Q}.get(
             (observed.side, observed.rate_signal), kernel.OBS_V
         )

@@ -31,18 +31,22 @@ class Ringing:
     Attributes:
         numerator, denominator: Coefficients of A and B, shape (3,), the first 1.
         rate: Sampling rate [Hz].
+        follows: Whether A is the model's resonance, or else the observer's, which no parameter moves.
     """
 
     numerator: Vector
     denominator: Vector
     rate: float
+    follows: bool = True
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Filter along the first axis from rest; same shape."""
         return np.asarray(lfilter(self.numerator, self.denominator, x, axis=0))
 
     def at(self, pole: Pole) -> Ringing:
-        """The same with A at another resonance."""
+        """The same with A at another resonance, where it follows the model's."""
+        if not self.follows:
+            return self
         return replace(self, numerator=second_order(*pole, self.rate))
 
 

@@ -9,7 +9,7 @@ timing: that part is per run, of rank two, and lives in ``whiten``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,7 @@ Key = tuple[object, ...]
 
 MAX_ORDER = 12
 INPUT_NOISE = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)  # power of the torque's noise over the sensor's [-]
+ADRIFT = (1.0, 1e2, 1e4, 1e6)  # the same of an angle that an observer holds
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
 ANGULAR_FLOOR = (
@@ -193,7 +194,10 @@ def block_noise(
     samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
     if pole is not None:
-        filters.extend(ringing(pole, strength, outputs[0].rate) for strength in INPUT_NOISE)
+        follows = outputs[0].quantity not in ANGULAR
+        strengths = INPUT_NOISE if follows else ADRIFT
+        found = (ringing(pole, strength, outputs[0].rate) for strength in strengths)
+        filters.extend(replace(one, follows=follows) for one in found)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:
         quiet = scaled if candidate is None else [candidate(s) for s in scaled]

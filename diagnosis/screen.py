@@ -61,6 +61,8 @@ def trial_effects(spec: EffectSpec, problem: Problem, sizes: Sequence[int] = (1,
         for size in sizes:
             values = list(shape)
             values.insert(amplitude, scale[size])
+            for position in spec.proportional:
+                values[position] *= scale[size] / scale[1]
             found.append(ActiveEffect(spec, tuple(float(v) for v in values)))
     return found
 
@@ -76,7 +78,11 @@ def resized(active: ActiveEffect, factor: float) -> ActiveEffect:
     else:
         moved = null + factor * (value - null)
     moved = float(np.clip(moved, parameter.lower, parameter.upper))
-    return ActiveEffect(active.spec, (*active.values[:position], moved, *active.values[position + 1 :]))
+    values = list(active.values)
+    for other in active.spec.proportional:
+        values[other] *= moved / value if value != 0.0 else 1.0
+    values[position] = moved
+    return ActiveEffect(active.spec, tuple(values))
 
 
 def one_sided(spec: EffectSpec) -> bool:

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.input_noise import Pole, Ringing
 from jointscope.diagnosis.noise import (
+    ANGULAR,
     GAIN_BOUNDS,
     TIMING_BOUNDS,
     BlockNoise,
@@ -224,9 +226,13 @@ def estimate_noise(
     ``pole`` is the resonance of the model that predicted: the noise of a logged torque comes through it.
     """
     gain, timing, _ = hit_scatter(runs, before, predictions)
-    rings = {
-        block_key(run, o) for run in runs for o in run.outputs if run.motor_moves and o.quantity in ACCELERATIONS
-    }
+    poles: dict[Key, Pole | None] = {}
+    for run in runs:
+        for output in run.outputs:
+            if run.motor_moves and output.quantity in ACCELERATIONS:
+                poles[block_key(run, output)] = pole
+            elif run.mode == "observer" and output.quantity in ANGULAR:
+                poles[block_key(run, output)] = (OBSERVER_HZ, OBSERVER_ZETA)
     outputs: dict[Key, list[Output]] = {}
     residuals: dict[Key, list[Vector]] = {}
     scattered = NoiseModel(before.blocks, gain, timing)
@@ -242,7 +248,7 @@ def estimate_noise(
             residuals[key],
             max_order,
             max(quantum(o) for o in outputs[key]),
-            pole if key in rings else None,
+            poles.get(key),
         )
         for key in outputs
     }

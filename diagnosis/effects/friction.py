@@ -174,6 +174,7 @@ def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
             apply=_stribeck(location, exponent),
             scale=_sizes(location),
             starts=_speeds(location),
+            proportional=(1,),
             possible=_possible(location),
             limits=_torque_limits,
         )

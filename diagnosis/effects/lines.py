@@ -56,7 +56,9 @@ def spectral_peaks(
     return _strongest(grid, total, count)
 
 
-def response_peaks(problem: Problem, residuals: Residuals, low: float, high: float, count: int) -> tuple[float, ...]:
+def response_peaks(
+    problem: Problem, residuals: Residuals, low: float, high: float, count: int
+) -> tuple[float, ...]:
     """Frequencies [Hz] at which what a model leaves follows the input most clearly, all runs averaged in phase.
 
     |sum conj(U) E|^2 over sum |U|^2 is the energy of E that is coherent with U; against its own background in frequency

@@ -89,7 +89,10 @@ def _grid(low: float, high: float, *tail: float) -> Starts:
 def _peaks(low: float, high: float, *tail: float) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
         band = _band(problem, low, high)
-        found = [*response_peaks(problem, residuals, *band, 5), *spectral_peaks(problem, residuals, *band, 3, narrow=False)]
+        found = [
+            *response_peaks(problem, residuals, *band, 5),
+            *spectral_peaks(problem, residuals, *band, 3, narrow=False),
+        ]
         return tuple((f, damping, *tail) for f in found for damping in (0.01, 0.03))
 
     return starts

@@ -74,6 +74,7 @@ class EffectSpec:
         limits: Bounds by parameter name for the rig at hand.
         run_weights: Amplitude's factor in each run (payload: which runs carry it; drift per run: how far), or ``None``.
         residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``.
+        proportional: Positions of parameters that are resized with the amplitude (a breakaway torque, say).
     """
 
     name: str
@@ -91,6 +92,7 @@ class EffectSpec:
     limits: Limits = field(default=no_limits, repr=False)
     run_weights: tuple[float, ...] | None = None
     residual_starts: ResidualStarts | None = field(default=None, repr=False)
+    proportional: tuple[int, ...] = ()
 
     @property
     def amplitude(self) -> int:

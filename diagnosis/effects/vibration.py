@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
+LOWEST = 8.0  # Hz; slower than that, what an observer or a torque log leaves passes for a tone
+
 
 def _shaken(mount: bool) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
@@ -28,7 +30,7 @@ def _shaken(mount: bool) -> Apply:
 
 def _from_residuals(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
     rate = max((o.rate for run in problem.runs for o in run.outputs), default=1000.0)
-    return tuple((f,) for f in spectral_peaks(problem, residuals, 3.0, 0.4 * rate, 8, narrow=True))
+    return tuple((f,) for f in spectral_peaks(problem, residuals, LOWEST, 0.4 * rate, 8, narrow=True))
 
 
 def _starts(problem: Problem) -> tuple[Values, ...]:
@@ -53,7 +55,7 @@ SPECS: tuple[EffectSpec, ...] = tuple(
         variant=variant,
         family="external",
         parameters=(
-            ParameterSpec("frequency", "Hz", 0.5, 5e3, log=True),
+            ParameterSpec("frequency", "Hz", LOWEST, 5e3, log=True),
             ParameterSpec("amplitude", unit, 0.0, 1e9, null=0.0),
         ),
         law=law,
