@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -67,13 +66,17 @@ def parse_campaign(file: Path) -> dict[str, Any]:
         CampaignError: No such file, no TOML, or a break of the format.
     """
     try:
-        document = parse_toml(file.read_text(encoding="utf-8"))
+        document = parse_toml(file.read_text(encoding="utf-8-sig"))
     except (FileNotFoundError, NotADirectoryError):
         raise CampaignError(
             file, None, "no such file", fix="a campaign is a directory with a campaign.toml"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except RecursionError:
+        raise CampaignError(file, None, "not TOML: nested too deep") from None
+    except ValueError as problem:  # of TOML, of UTF-8, or of a number with thousands of digits
         raise CampaignError(file, None, f"not TOML: {problem}") from problem
+    except OSError as problem:
+        raise CampaignError(file, None, f"can't be read: {problem.strerror or problem}") from problem
     check_structure(document, file)
     check_meaning(document, file)
     return document

@@ -73,6 +73,14 @@ def check_meaning(document: Table, file: Path) -> None:
                 _check_channel(channel, rig, file, f"{inside}.{channel_key(channel, position)}")
 
 
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; a name that no file can have has none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def arm_joints(document: Table) -> tuple[str, ...]:
     """The joints an arm campaign names, in ``[model]`` or ``[rig]``."""
     return tuple(document.get("model", {}).get("joints", document["rig"].get("joints", ())))
@@ -91,7 +99,7 @@ def _check_model(document: Table, file: Path) -> None:
             file, "model", "an arm needs its model", fix="[model] with mjcf = '...' or urdf = '...'"
         )
     for key in ("mjcf", "urdf"):
-        if key in model and not (file.parent / model[key]).is_file():
+        if key in model and not _is_file(file.parent / model[key]):
             raise CampaignError(
                 file, f"model.{key}", "no such file", value=model[key], fix="a path inside the campaign"
             )
@@ -157,7 +165,7 @@ def _check_stream(stream: Table, file: Path, where: str) -> None:
         raise CampaignError(
             file, f"{where}.file", "outside the campaign", value=stream["file"], fix="a relative path"
         )
-    if not (file.parent / path).is_file():
+    if not _is_file(file.parent / path):
         raise CampaignError(
             file, f"{where}.file", "no such file", value=stream["file"], fix=f"it is sought in {file.parent}"
         )

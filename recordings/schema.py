@@ -193,11 +193,21 @@ def _check_table(table: Table, keys: Mapping[str, Key], file: Path, where: str) 
 
 
 def _short(value: object) -> object:
-    return f"{len(value)} entries" if isinstance(value, (list, dict)) and len(str(value)) > 80 else value
+    if not isinstance(value, (list, dict)):
+        return value
+    try:
+        return f"{len(value)} entries" if len(str(value)) > 80 else value
+    except (RecursionError, ValueError):  # too deep, or too many digits, to be shown
+        return f"{len(value)} entries"
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond doubles
+        return False
 
 
 def _problem(key: Key, value: object) -> str:

@@ -16,6 +16,7 @@ from jointscope.errors import CampaignError
 
 Real = NDArray[np.float64]
 _REACH = 24  # grid steps to either side of the windowed sinc
+MOST_LACKING = 100.0  # grid steps per row of the file: sparser than that is a broken stamp, not a gap
 _NEGLIGIBLE = 1e-6  # of a step: below it the stamps are the grid
 
 
@@ -45,6 +46,11 @@ def on_uniform_grid(
     """
     _check_stamps(stamps, rate, file, column, key)
     steps = (stamps - stamps[0]) * rate
+    if not steps[-1] < MOST_LACKING * max(stamps.size, 64):
+        raise CampaignError(
+            file, column, f"{stamps.size} rows are spread over {stamps[-1] - stamps[0]:.6g} s", value=float(stamps[-1]),
+            fix="mend the stamp that jumps, or give each part its own stream",
+        )  # fmt: skip
     nearest = np.rint(steps)
     # grid points follow the count of samples, not the clock, until a row is missing: a rate off by ppm is no gap
     index = np.concatenate([[0], np.cumsum(np.maximum(1.0, np.rint(np.diff(steps))))])
@@ -79,6 +85,8 @@ def _check_stamps(stamps: Real, rate: float, file: Path, column: str, key: str) 
     bad = np.flatnonzero(~np.isfinite(stamps))
     if bad.size:
         raise CampaignError(file, column, f"time stamp {bad[0]} is not a number", value=float(stamps[bad[0]]))
+    if not stamps.size:
+        raise CampaignError(file, column, "no time stamps", fix="mend the file")
     back = np.flatnonzero(np.diff(stamps) <= 0.0)
     if back.size:
         raise CampaignError(

@@ -104,7 +104,7 @@ def _part(
         chosen = slice(int(np.searchsorted(stamps, begin)), int(np.searchsorted(stamps, end)))
         held = (float(stamps[0]), float(stamps[-1]) + 1.0 / rate)
     else:
-        chosen = slice(max(0, round(begin * rate)), min(length, round(end * rate)))
+        chosen = slice(round(max(0.0, min(begin * rate, length))), round(max(0.0, min(end * rate, length))))
         held = (0.0, length / rate)
     slack = 1.5 / rate
     if begin < held[0] - slack or end > held[1] + slack or chosen.stop <= chosen.start:

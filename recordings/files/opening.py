@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from jointscope.errors import CampaignError, MissingExtraError
 from jointscope.recordings.files.columns import DataFile
@@ -32,9 +37,31 @@ def open_data_file(path: Path) -> DataFile:
     reader = importlib.import_module(f"jointscope.recordings.files.{name}")
     try:
         opened: DataFile = reader.open_file(path)
+        columns = {
+            name: replace(column, read=_guarded(path, column.read)) for name, column in opened.columns.items()
+        }
     except (CampaignError, MissingExtraError):
         raise
     except Exception as problem:  # libraries raise what they like at a broken file; the user needs its name
-        said = " ".join(str(problem).split()) or type(problem).__name__
-        raise CampaignError(path, None, f"not readable as {path.suffix}: {said}") from problem
-    return opened
+        raise _unreadable(path, problem) from problem
+    return replace(opened, columns=columns)
+
+
+def _unreadable(path: Path, problem: Exception) -> CampaignError:
+    said = " ".join(str(problem).split()) or type(problem).__name__
+    return CampaignError(path, None, f"not readable as {path.suffix}: {said}")
+
+
+def _guarded(path: Path, read: Callable[[], NDArray[Any]]) -> Callable[[], NDArray[Any]]:
+    """``read``, for a file that turns out to be broken only once its samples are asked for."""
+
+    def values() -> NDArray[Any]:
+        try:
+            with np.errstate(all="ignore"):
+                return read()
+        except (CampaignError, MissingExtraError):
+            raise
+        except Exception as problem:
+            raise _unreadable(path, problem) from problem
+
+    return values

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import reprlib
 from pathlib import Path
+
+_LONGEST = 240  # characters of a part of a message; what came from a broken file may have any length
 
 
 class JointscopeError(Exception):
@@ -24,10 +27,31 @@ class InputError(JointscopeError):
         self.file = Path(file)
         self.key = key
         self.value = value
-        where = f"{self.file}" + (f": {key}" if key else "")
-        shown = "" if value is None else f" = {value!r}"
-        way_out = f"; {fix}" if fix else ""
-        super().__init__(" ".join(f"{where}{shown}: {problem}{way_out}".split()))
+        where = f"{self.file}" + (f": {_part(key)}" if key else "")
+        shown = "" if value is None else f" = {_shown(value)}"
+        way_out = f"; {_part(fix)}" if fix else ""
+        super().__init__(_printable(f"{where}{shown}: {_part(problem)}{way_out}"))
+
+
+def _shown(value: object) -> str:
+    """A value as found, cut where it is long, wide or deep."""
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = short.maxlong = 100
+    short.maxlist = short.maxtuple = short.maxdict = 8
+    try:
+        return short.repr(value)
+    except ValueError:  # Python prints no number of thousands of digits
+        return f"a {type(value).__name__} of thousands of digits"
+
+
+def _part(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+
+
+def _printable(text: str) -> str:
+    """One line: white space as single spaces, what a terminal would act on or not show as its escape."""
+    line = " ".join(text.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
 
 
 class CampaignError(InputError):
