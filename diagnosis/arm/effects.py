@@ -83,16 +83,21 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
     speed = max(float(problem.rotor_speed[j]), MICRO)
     scale = (0.01 * top, 0.06 * top, 0.3 * top)
     torque = ParameterSpec("torque", "N m", 0.0, 3.0 * top, null=0.0)
+
+    def put_coulomb(assembly: ArmAssembly, values: Values) -> None:
+        assembly.P[j, kernel.COULOMB] += values[0]
+        assembly.P[j, kernel.BREAKAWAY] += values[0]
+
     coulomb = _spec(
-        "coulomb-friction", "motor", joint, "stick", "dissipative", (torque,), _setter(j, kernel.COULOMB),
+        "coulomb-friction", "motor", joint, "stick", "dissipative", (torque,), put_coulomb,
         "T_c sgn(s'), sticking while less than T_c acts", scale, ((),), ("torque-sweep", "speed-motion"),
         ("stribeck-friction", "backlash"),
     )  # fmt: skip
 
     def put_stribeck(assembly: ArmAssembly, values: Values) -> None:
         sliding, ratio, velocity = values
-        assembly.P[j, kernel.COULOMB] = sliding
-        assembly.P[j, kernel.BREAKAWAY] = sliding * ratio
+        assembly.P[j, kernel.COULOMB] += sliding
+        assembly.P[j, kernel.BREAKAWAY] += sliding * ratio
         assembly.P[j, kernel.STRIBECK_SPEED] = velocity
 
     stribeck = _spec(

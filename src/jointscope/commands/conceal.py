@@ -2,6 +2,7 @@
 
   jointscope conceal --seed 7 --cases 60 --out out/draw
   jointscope conceal --seed 7 --cases 40 --kind nulls --out out/nulls
+  jointscope conceal --seed 7 --cases 36 --rig six-axis --out out/arms
 
 Each case is a campaign of a rig of its own, simulated in MuJoCo with physics that the plain model lacks (or with none
 at all, or with a fault of the recording, or with two effects, or with something no catalogue lists), hidden under
@@ -21,6 +22,8 @@ import os
 from pathlib import Path
 
 KINDS = ("mixed", "singles", "nulls", "pairs", "unlisted", "undecidable")
+RIGS = ("single-joint", "six-axis")
+ARM_KINDS = ("mixed", "singles", "nulls")
 DRAWS = ("development", "calibration", "test")
 
 
@@ -30,6 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cases", type=int, required=True, help="how many campaigns")
     parser.add_argument("--out", type=Path, required=True, help="new folder, or one to go on with")
     parser.add_argument("--kind", choices=KINDS, default="mixed", help="what the cases conceal (default: mixed)")
+    parser.add_argument("--rig", choices=RIGS, default="single-joint", help="one joint, or a six-axis arm")
     parser.add_argument("--draw", choices=DRAWS, default="test", help="whose laws and ranges (default: test)")
     parser.add_argument("--scheduler", default=None, help="Dask scheduler, tcp://host:port, whose workers see OUT")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
@@ -37,11 +41,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Produce the draw and print the seal's hash."""
+    if options.rig == "six-axis":
+        return _arms(options)
     from jointscope.sim.concealed.draw import Order
     from jointscope.sim.concealed.production import produce
 
     order = Order(seed=options.seed, cases=options.cases, kind=options.kind, draw=options.draw)
     found = produce(order, options.out, options.workers, options.scheduler)
     print(f"{options.out}: {options.cases} campaigns, their truth sealed in truth.sealed")
+    print(f"sha256 {found}")
+    return 0
+
+
+def _arms(options: argparse.Namespace) -> int:
+    """A draw of arms, whose truth names the joint."""
+    from jointscope.errors import JointscopeError
+    from jointscope.sim.concealed.arm_draw import ArmOrder, produce_arms
+
+    if options.kind not in ARM_KINDS:
+        raise JointscopeError(f"--kind {options.kind}: of a six-axis arm choose {', '.join(ARM_KINDS)}")
+    found = produce_arms(ArmOrder(options.seed, options.cases, options.kind), options.out)
+    print(f"{options.out}: {options.cases} campaigns of an arm, their truth sealed in truth.sealed")
     print(f"sha256 {found}")
     return 0

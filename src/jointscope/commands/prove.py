@@ -62,10 +62,13 @@ def run(options: argparse.Namespace) -> int:
     import json
 
     from jointscope.experiments.prove import page
+    from jointscope.experiments.prove.arms import is_arm_draw
     from jointscope.experiments.prove.proof import prove, publish, saved
 
     folder = Path(options.draw)
     out = options.out or folder.with_name(folder.name + "-proof")
+    if is_arm_draw(folder):
+        return _arms(options, folder, out)
     summary = saved(folder, out) if options.page else None
     if summary is None:
         summary = prove(
@@ -82,6 +85,22 @@ def run(options: argparse.Namespace) -> int:
     for row in summary["table"]:
         print(f"  {row['name']:<90} {page.shown(row)}")
     print(f"{options.page or out / 'proof.md'}")
+    return 0
+
+
+def _arms(options: argparse.Namespace, folder: Path, out: Path) -> int:
+    """A draw of arms has a table of its own."""
+    import json
+
+    from jointscope.experiments.prove.arms import prove_arms, shown
+
+    summary = prove_arms(folder, out, workers=options.workers, limit=options.seconds, first=options.limit)
+    if options.json:
+        print(json.dumps(summary, indent=1, sort_keys=True))
+        return 0
+    for row in summary["table"]:
+        print(f"  {row['name']:<50} {shown(row)}")
+    print(f"{out / 'proof.md'}")
     return 0
 
 
