@@ -26,7 +26,6 @@ from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.foretelling import (
     Foretold,
-    beyond_the_session,
     foretell,
     planned_noise,
     planned_whitener,
@@ -131,15 +130,6 @@ def _shifted(rival: Candidate, wide: Problem) -> list[tuple[float, Vector, tuple
         x[k] += step
         moved.append((step, *rival.where.unpack(x)))
     return moved
-
-
-@dataclass(frozen=True, eq=False)
-class _Response:
-    """One candidate's own view of one take: the take as if it were true, and its Jacobian on it, whitened."""
-
-    foretold: Foretold
-    noise: object
-    jacobian: NDArray[np.float64]
 
 
 def distances(
@@ -260,6 +250,3 @@ def menu_of(
             )
         )
     return tuple(sorted(found, key=lambda item: (-round(item.expected_gain, 2), -item.distance)))
-
-
-__all__ = ["Candidate", "Item", "beyond_the_session", "distances", "expected_gain", "menu_of"]

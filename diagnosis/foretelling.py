@@ -157,6 +157,3 @@ def planned_whitener(run: PreparedRun, noise: NoiseModel, predicted: Sequence[Ve
     q, r = np.linalg.qr(u)
     eigenvalues, vectors = np.linalg.eigh(r @ r.T)
     return RunWhitener(filters, q @ vectors, 1.0 - 1.0 / np.sqrt(1.0 + np.maximum(eigenvalues, 0.0)))
-
-
-__all__ = ["Foretold", "beyond_the_session", "foretell", "planned_noise", "planned_whitener", "under"]
