@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from jointscope.experiments import plot_style
 from jointscope.experiments.charts.chart import Chart, Panel, Series, domain
 from jointscope.experiments.charts.looks import LOOKS
+from jointscope.experiments.charts.svg import MOST_POINTS, thinned
 
 _INCH = 100.0  # px
 
@@ -50,7 +51,7 @@ def _draw(ax: Axes, panel: Panel) -> None:
     ax.set_ylim(*(10.0 ** np.array(y) if panel.y_log else y))
     ax.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
     if 1 < len(panel.series) <= 8 or panel.spans:
-        ax.legend(fontsize=7)
+        ax.legend(fontsize=7, loc="upper right")  # "best" weighs every point
 
 
 def _series(ax: Axes, s: Series) -> None:
@@ -62,4 +63,5 @@ def _series(ax: Axes, s: Series) -> None:
         ax.plot(s.x, s.y, s.mark, ms=3.2, mew=0.8, color=look.light, mfc=fill, label=s.name)
     else:
         line = (0, look.dash) if look.dash else "-"
-        ax.plot(s.x, s.y, ls=line, lw=0.8 * look.width, color=look.light, label=s.name)
+        x, y = thinned(s.x, s.y, MOST_POINTS) if np.all(np.isfinite(s.y)) else (s.x, s.y)
+        ax.plot(x, y, ls=line, lw=0.8 * look.width, color=look.light, label=s.name)
