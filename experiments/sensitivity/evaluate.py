@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.atomic import replaced_file
-from jointscope.errors import MissingExtraError
+from jointscope.errors import JointscopeError, MissingExtraError
 from jointscope.experiments.sensitivity import outputs
 from jointscope.experiments.sensitivity.study import OUTPUTS, Study
 from jointscope.progress import track
 
 Array = NDArray[np.float64]
 
+LOST = "{}; finished blocks are kept: run it again with the same words"
 BLOCK = 128  # evaluations; fixed, so that neither workers nor resumption change a bit of the result
 
 
@@ -46,26 +47,35 @@ def _serial(study: Study, blocks: dict[int, Array]) -> Iterator[tuple[int, Array
 
 def _pooled(study: Study, blocks: dict[int, Array], workers: int) -> Iterator[tuple[int, Array]]:
     from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import BrokenProcessPool
 
     def task(index: int, block: Array) -> tuple[int, Array]:
         return index, evaluate_block(study, block)
 
-    yield from Parallel(n_jobs=workers, return_as="generator_unordered")(
-        delayed(task)(index, block) for index, block in blocks.items()
-    )
+    try:
+        yield from Parallel(n_jobs=workers, return_as="generator_unordered")(
+            delayed(task)(index, block) for index, block in blocks.items()
+        )
+    except BrokenProcessPool:
+        raise JointscopeError(LOST.format("a process was killed, by the system for its memory perhaps")) from None
 
 
 def _distributed(study: Study, blocks: dict[int, Array], scheduler: str) -> Iterator[tuple[int, Array]]:
     try:
-        from dask.distributed import Client, as_completed
+        from dask.distributed import Client, KilledWorker, as_completed
     except ImportError:
         raise MissingExtraError("work on a Dask cluster", "cluster") from None
     with Client(scheduler) as client:  # type: ignore[no-untyped-call]
         futures = {
             client.submit(evaluate_block, study, block, pure=False): index for index, block in blocks.items()
         }
-        for future in as_completed(futures):  # type: ignore[no-untyped-call]
-            yield futures[future], future.result()
+        try:
+            for future in as_completed(futures):  # type: ignore[no-untyped-call]
+                yield futures[future], future.result()
+        except KilledWorker:
+            raise JointscopeError(
+                LOST.format("the cluster lost the same work's workers again and again")
+            ) from None
 
 
 def evaluate_sample(

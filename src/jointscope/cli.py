@@ -35,6 +35,14 @@ def _listing() -> argparse.ArgumentParser:
     return parser
 
 
+def _drop_output() -> None:
+    """Where output can't be written, forget what waits in its buffer, or Python says so once more when it ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
@@ -59,14 +67,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     module.configure(parser)
     options = parser.parse_args(rest)
     try:
-        return int(module.run(options))
+        code = int(module.run(options))
+        sys.stdout.flush()
+        return code
     except JointscopeError as problem:
         print(f"jointscope {name}: {problem}", file=sys.stderr)
         return 2
     except BrokenPipeError:
+        _drop_output()
         return 0
     except OSError as problem:
-        print(f"jointscope {name}: {problem.filename or ''}: {problem.strerror or problem}", file=sys.stderr)
+        place = f"{problem.filename}: " if problem.filename else ""
+        print(f"jointscope {name}: {place}{' '.join(str(problem.strerror or problem).split())}", file=sys.stderr)
+        _drop_output()
+        return 2
+    except MemoryError as problem:
+        said = " ".join(str(problem).split())
+        print(f"jointscope {name}: out of memory{f': {said}' if said else ''}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"jointscope {name}: interrupted; finished work is kept", file=sys.stderr)

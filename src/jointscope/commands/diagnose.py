@@ -38,11 +38,12 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from concurrent.futures import ThreadPoolExecutor
 
     from jointscope.diagnosis.pipeline import Diagnosis
@@ -67,11 +68,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
 
+@contextmanager
+def _threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """A pool that on an error or Ctrl-C drops what waits in it, instead of working it off first."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    pool = ThreadPoolExecutor(max_workers=count)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
 def run(options: argparse.Namespace) -> int:
     """Diagnose; the exit code is 0 whatever the verdict."""
     import json
     import os
-    from concurrent.futures import ThreadPoolExecutor
 
     from jointscope import __version__
     from jointscope.atomic import write_text
@@ -98,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
     simulate = _simulation(options, campaign, report)
     problem = prepare(campaign)
     workers = options.workers or os.cpu_count() or 1
-    with ThreadPoolExecutor(max_workers=workers) as pool:
+    with _threads(workers) as pool:
         diagnosis, answer, model = _diagnosed(problem, pool, report)
         answer["campaign"] = Path(os.path.relpath(options.campaign, options.out)).as_posix()
         if simulate is not None:
