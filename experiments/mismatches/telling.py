@@ -20,7 +20,7 @@ from jointscope.errors import JointscopeError
 from jointscope.experiments.mismatches.causes import Mismatch, plan_of
 from jointscope.prediction.scores import BandScore, band_score
 from jointscope.prediction.spectra import Spectrum, spectrum
-from jointscope.recordings.campaign import Campaign
+from jointscope.recordings.campaign import Campaign, Topology
 from jointscope.recordings.reader import read_campaign
 from jointscope.sim.concealed import paperwork
 from jointscope.sim.concealed.measurement import noisy
@@ -113,7 +113,7 @@ def record(mismatch: Mismatch, folder: Path, *, seed: int, quick: bool) -> None:
     effects = [cause.effect(plan.setting) for cause in mismatch.causes]
     clean = [declared(c, plan.devices) for c in rehearse(mismatch.rig, plan, effects, range(len(plan.takes)))]
     records = [noisy(channels, plan.devices, noise, rng) for channels in clean]
-    topology = "single-dof" if mismatch.kinds == ("hammer",) else "two-inertia"
+    topology: Topology = "single-dof" if mismatch.kinds == ("hammer",) else "two-inertia"
     plate = paperwork.nameplate(mismatch.rig, topology, "rotational", rng, 0.1)
     campaign = paperwork.campaign(mismatch.rig, plan, records, plate, rng)
     held = _held_out(plan.takes)
@@ -150,13 +150,14 @@ def _curves(mismatch: Mismatch, campaign: Campaign, folder: Path) -> tuple[Curve
         sensor = run.select("linear-acceleration")[0]
         rate = sensor.sampling_rate
         M = spectrum(sensor.samples, rate)
-        made = [
+        before, after = (
             spectrum(predicted(folder / name / f"{run.id}.csv", sensor.samples.size), rate)
             for name in ("before", "after")
-        ]
+        )
         low, high = mismatch.band
-        scores = [band_score(M, P, low, high, _excited(M, low, high)) for P in made]
-        curves.append(Curve(run.id, M, *made, *scores))
+        excited = _excited(M, low, high)
+        scores = (band_score(M, before, low, high, excited), band_score(M, after, low, high, excited))
+        curves.append(Curve(run.id, M, before, after, *scores))
     return tuple(curves)
 
 

@@ -9,10 +9,12 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from jointscope.atomic import replaced_file
 from jointscope.experiments.plot_style import MEASURED, PREDICTED, QUIET, THIRD, style
 
+Real = NDArray[np.float64]
 LEVELS: Final = ("name", "location", "family")
 RESOLUTION: Final = 100  # dots per inch: small enough to be kept with the page
 
@@ -51,7 +53,7 @@ def reliability_diagram(rows: Sequence[Mapping[str, float]], path: Path) -> None
 
 
 def _with_bars(
-    axes: Axes, x: np.ndarray, rows: Sequence[Mapping[str, float]], colour: str, label: str, *, line: bool
+    axes: Axes, x: Real, rows: Sequence[Mapping[str, float]], colour: str, label: str, *, line: bool
 ) -> None:
     y = np.array([row["right"] for row in rows])
     spread = np.array([[row["right"] - row["low"], row["high"] - row["right"]] for row in rows]).T

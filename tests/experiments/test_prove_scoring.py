@@ -307,7 +307,7 @@ def test_a_process_that_dies_or_hangs_is_a_wrong_answer(tmp_path):
     """A campaign that isn't one crashes its diagnosis and nothing else; a limit of no time runs out."""
     (tmp_path / "draw" / "x").mkdir(parents=True)
     (tmp_path / "draw" / "x" / "campaign.toml").write_text("nonsense = true\n")
-    found = diagnosing.diagnose_all(tmp_path / "draw", tmp_path / "out", ["x"], workers=1, limit=60.0)
+    found = diagnosing.diagnose_all(tmp_path / "draw", tmp_path / "out", ["x"], workers=1, limit=900.0)
     assert found[0].status == "crashed"
     assert "exit code 2" in found[0].message
     late = diagnosing.diagnose_all(tmp_path / "draw", tmp_path / "late", ["x"], workers=1, limit=0.01)
