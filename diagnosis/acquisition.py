@@ -27,9 +27,19 @@ def shifted(signal: Bandlimited, run: PreparedRun, chain: Chain) -> Vector:
 
 
 def load_input(assembly: Assembly) -> Vector:
-    """External torque on the arm at half steps [N m], shape (2 n + 1,): recorded over the sensor's true gain."""
+    """External torque on the arm at half steps [N m], shape (2 n + 1,): recorded over the sensor's true gain.
+
+    A force that drives a carriage to and fro is an amplifier's, whose zero is not known; a hammer's is (no contact).
+    """
     run, gain = assembly.run, assembly.chain.force_gain
-    return run.load_half if gain == 1.0 else run.load_half / gain
+    force = run.load_half if gain == 1.0 else run.load_half / gain
+    offset = assembly.base("torque_offset")
+    return force + offset if offset != 0.0 and carries(run) else force
+
+
+def carries(run: PreparedRun) -> bool:
+    """Whether the external force carries a free inertia along an observed path, so that its zero can be told."""
+    return run.mode == "observer" and not run.motor_moves and not run.spring and run.load is not None
 
 
 def driven_torque(assembly: Assembly) -> Vector:

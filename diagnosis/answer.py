@@ -11,6 +11,7 @@ from jointscope.diagnosis.adjudicate import Comparison, Judged, compare
 from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
+from jointscope.diagnosis.held_out_detail import held_out_detail
 from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
@@ -154,6 +155,11 @@ def held_out_json(
         "augmented_error": number(mean_error(augmented)),
         "noise_floor": number(mean_floor(augmented)),
         "by_experiment": {"base": grouped(base), "augmented": grouped(augmented)},
+        **(
+            {}
+            if problem.rig.topology == "arm"
+            else held_out_detail(problem, held, (base_theta, none), (theta, effects))
+        ),
     }, augmented
 
 

@@ -39,7 +39,9 @@ BASE_NAMES = (
 BASE_INDEX = {name: index for index, name in enumerate(BASE_NAMES)}
 
 OBSERVER_HZ = 3.0  # below every resonance of a joint, above the drift of a torque log
-COMMAND_HZ = 0.3  # the same where the drive's command stands for the motor's speed: it is followed only so closely
+RIGID_OBSERVER_HZ = 20.0  # of a free inertia without a joint: no resonance to keep clear of
+RATE_SHARE = 0.04  # of the sampling rate that an observer's corner may be at most
+COMMAND_HZ = 0.3  # where the drive's command stands for the motor's speed: it is followed only so closely
 OBSERVER_ZETA = 0.8
 
 
@@ -166,7 +168,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
         P[kernel.K] = P[kernel.C] = 0.0
     observed = run.observed
     if observed is not None and not free:
-        w0 = 2.0 * math.pi * (COMMAND_HZ if observed.commanded else OBSERVER_HZ)
+        w0 = 2.0 * math.pi * observer_corner(run)
         if observed.rate_signal:
             P[kernel.OBS_2] = w0
         else:
@@ -178,6 +180,20 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
     elif run.speed_command is not None and run.motor_moves:
         close_loop(assembly)
     return assembly
+
+
+def observer_corner(run: PreparedRun) -> float:
+    """Corner of the observer that follows the recorded angle [Hz].
+
+    Above the corner the innovation is the force error twice integrated, below it the force error itself: with a fast
+    observer the fit weighs force errors alike at all frequencies up to the corner, and dry friction changes sign when
+    the recorded motion does, not when a drifted model does. A joint's resonance sets the limit where there is one.
+    """
+    if run.observed is not None and run.observed.commanded:
+        return COMMAND_HZ
+    if run.spring or run.motor_moves or run.observed is None:
+        return OBSERVER_HZ
+    return min(RIGID_OBSERVER_HZ, max(OBSERVER_HZ, RATE_SHARE * run.observed.signal.rate))
 
 
 def close_loop(assembly: Assembly) -> None:

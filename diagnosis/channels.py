@@ -27,7 +27,7 @@ Vector = NDArray[np.float64]
 REACH = 20  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
 _TABLE = 512  # entries per sample of its table
 _KAISER = 10.0
-SMOOTH = ("angle", "position", "angular-velocity", "velocity")  # nothing in them reaches half the rate
+SMOOTH = ("angle", "position", "angular-velocity", "velocity", "wind-up")  # nothing in them reaches half the rate
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
 
 
@@ -209,6 +209,8 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
     if quantity in ("angle", "position"):
         column = states[:, kernel.X_QS] if motor else states[:, kernel.X_Q]
         return np.asarray((column - column[0] + run.initial_angle) * (n if motor else 1.0))
+    if quantity == "wind-up":
+        return np.asarray(states[:, kernel.X_QS] - states[:, kernel.X_Q])
     if quantity in ("angular-velocity", "velocity"):
         return np.asarray(states[:, kernel.X_VS] * n if motor else states[:, kernel.X_V])
     if quantity in ("torque", "current", "voltage", "force") and run.mode != "prescribed-load":

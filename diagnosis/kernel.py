@@ -53,7 +53,8 @@ RIPPLE_0 = 73  # three lines of (amplitude, share of tau, per q_s, phase)
 BRANCH_0 = 85  # five branches of (stiffness, relaxation time)
 TABLE_LOW, TABLE_STEP, TABLE_0 = 95, 96, 97  # a law as torque [N m] at nodes of a variable
 N_NODES = 9
-N_P = 106
+C_SIDED = 106  # viscous damping more in positive motion and less in negative [N m s/rad]
+N_P = 107
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
@@ -284,8 +285,8 @@ def _rates_source(
             d = 0.0
         even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
         force_l -= P[G_COS] * (mem[6] * even - mem[7] * odd) - P[G_SIN] * (mem[7] * even + mem[6] * odd)
-    if P[C_QUADRATIC] != 0.0:
-        force_l -= P[C_QUADRATIC] * v * abs(v)
+    if P[C_QUADRATIC] != 0.0 or P[C_SIDED] != 0.0:
+        force_l -= (P[C_QUADRATIC] * v + P[C_SIDED]) * abs(v)
     if P[STOP_K] != 0.0:
         depth = P[STOP_SIDE] * (q - P[STOP_ANGLE])
         if depth > 0.0:
@@ -560,7 +561,7 @@ def _scalar_rates_source(
 ) -> tuple[float, ...]:  # fmt: skip
     """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels."""
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
-    g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v = p[16:]
+    g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
     delta, rate = q_s - q, v_s - v
     if rich:
         for i in range(S[N_TE]):
@@ -637,7 +638,7 @@ def _scalar_rates_source(
     d = angle - turn[0]
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
-    net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - drag * v * abs(v)
+    net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
     if rich and S[TABLE_SITE] == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and (mode == 1 or mode == 2):
@@ -688,7 +689,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
             P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
             P[K_SOFT], P[SOFT_ANGLE], P[DRIFT], P[C_QUADRATIC], P[G_CONST], P[G_COS], P[G_SIN], P[STOP_ANGLE],
             P[STOP_K], P[STOP_C], P[STOP_EXPONENT], P[STOP_SIDE], P[OBS_1], P[OBS_2], P[OBS_QS], P[OBS_VS], P[OBS_Q],
-            P[OBS_V],
+            P[OBS_V], P[C_SIDED],
         )  # fmt: skip
         f = (
             P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],

@@ -34,6 +34,7 @@ ANGULAR_FLOOR = (
     0.03  # the same of what an observed angle does: its innovation is the model's error twice integrated
 )
 ENVELOPE_WINDOW = 0.05  # s
+FOLLOWED = 0.75  # periods of the observer's corner beyond which it follows an angle: a quarter second at 3 Hz
 GAIN_BOUNDS = (0.002, 0.05)  # standard deviation of a hit's gain [-]
 TIMING_BOUNDS = (3e-6, 2e-4)  # of a hit's time [s]
 ANGULAR = ("angle", "position")
@@ -90,7 +91,7 @@ def dynamic_level(output: Output) -> float:
     """RMS of what the output does beyond its slow part [the output's unit]: the yardstick of relative error."""
     data = output.data[output.mask]
     if output.quantity in ANGULAR:
-        window = max(3, round(output.rate * 0.25))
+        window = max(3, round(output.rate * FOLLOWED / output.followed_to))
         data = data - uniform_filter1d(data, window, mode="nearest")
     else:
         data = data - np.median(data)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.models.parameters import STANDARD_GRAVITY
 
@@ -88,7 +89,8 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "gravity_moment": gravity_free,
         "efficiency": efficiency_free,
         "torque_scale": scale_free,
-        "torque_offset": driven and not motor_known and swung,  # an uncalibrated channel's zero is unknown too
+        # an uncalibrated channel's zero is unknown, and so is that of the amplifier that drives a carriage
+        "torque_offset": (driven and not motor_known and swung) or any(carries(run) for run in runs),
     }
     merged = {} if swung or not springs else {"damping": "damping_total"}
     if merged:
@@ -135,6 +137,7 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     b = dict(zip(BASE_NAMES, base.start, strict=True))
     critical = 2.0 * math.sqrt(b["stiffness"] * b["load_inertia"])
     largest = max((float(np.max(np.abs(run.motor_half))) for run in runs if run.motor is not None), default=0.0)
+    carried = max((float(np.max(np.abs(run.load_half))) for run in runs if carries(run)), default=0.0)
     scale = {
         "stiffness": b["stiffness"],
         "damping": max(b["damping"], 0.02 * critical),
@@ -145,7 +148,7 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
         "gravity_moment": max(abs(b["gravity_moment"]), 2.0 * b["load_inertia"]),
         "efficiency": 1.0,
         "torque_scale": b["torque_scale"],
-        "torque_offset": max(0.01 * largest, 1e-12),
+        "torque_offset": max(0.01 * largest, 0.01 * carried, 1e-12),
         "drive_gain": b["drive_gain"],
         "drive_integral": max(b["drive_integral"], b["drive_gain"]),
         "drive_acceleration": b["motor_inertia"] + b["load_inertia"],

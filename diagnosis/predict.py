@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.acquisition import driven_torque, load_input, shifted
-from jointscope.diagnosis.assembly import Assembly, assemble, initial_state
+from jointscope.diagnosis.assembly import Assembly, assemble, initial_state, observer_corner
 from jointscope.diagnosis.channels import observe
 from jointscope.diagnosis.vibration import disturbance
 
@@ -120,19 +120,21 @@ def inverse_force(
 ) -> tuple[Vector, Vector] | None:
     """(recorded, modelled) force of a single-dof run along its recorded motion, on the simulation grid [N m or N].
 
-    The motion is low-passed at ``prepare.INVERSE_CORNER`` with zero phase before it is differentiated; the recorded
-    force is low-passed alike. ``None`` where the run has no observed angle or the rig is not a single free inertia.
+    The motion is low-passed at ``prepare.INVERSE_CORNER`` with zero phase before it is differentiated, the recorded
+    force alike; then both forces once more at the observer's corner (:func:`observer_corner`), up to which the fit
+    weighs force errors alike. ``None`` where the run has no observed angle or the rig is not a single free inertia.
     """
     from dataclasses import replace
 
     from scipy.signal import butter, sosfiltfilt
 
-    from jointscope.diagnosis.run_preparation import INVERSE_CORNER
-
     if run.observed is None or run.observed.rate_signal or run.motor_moves or run.spring:
         return None
+    from jointscope.diagnosis.run_preparation import INVERSE_CORNER
+
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     sections = butter(4, INVERSE_CORNER, fs=2.0 * run.grid_rate, output="sos")
+    band = butter(4, observer_corner(run), fs=2.0 * run.grid_rate, output="sos")
     q = sosfiltfilt(sections, run.observed.signal(half))
     v = np.gradient(q) * 2.0 * run.grid_rate
     a = np.gradient(v) * 2.0 * run.grid_rate
@@ -141,9 +143,9 @@ def inverse_force(
     )
     assembly = build(inverse, theta, effects, problem)
     states = integrate(assembly)
-    model = sosfiltfilt(sections, np.repeat(states[:, kernel.X_TEXT], 2)[:-1])[::2]
+    model = sosfiltfilt(band, np.repeat(states[:, kernel.X_TEXT], 2)[:-1])[::2]
     forward = build(run, theta, effects, problem)
     force = load_input(forward) + (driven_torque(forward) if run.motor is not None else 0.0)
-    recorded = sosfiltfilt(sections, force)[::2]
+    recorded = sosfiltfilt(band, sosfiltfilt(sections, force))[::2]
     edge = max(1, math.ceil(0.1 * run.grid_rate))
     return recorded[edge:-edge], model[edge:-edge]

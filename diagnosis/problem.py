@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.assembly import BASE_NAMES
+from jointscope.diagnosis.assembly import BASE_NAMES, OBSERVER_HZ
 from jointscope.diagnosis.inputs import Drive
 from jointscope.recordings.bandlimited import Bandlimited
 from jointscope.recordings.campaign import Nameplate, Run
@@ -36,6 +36,7 @@ class Output:
         offset: recorded = polarity * (data + offset).
         calibrated: Whether its unit is known.
         observed: Whether this is the angle that the observer follows: the comparison is its innovation.
+        followed_to: Corner of the observer below which the model follows the recorded angle [Hz].
         floating: Whether its zero is unknown (an angle of a run that does not start at rest): the prediction is moved by
             the mean difference.
         channel: Position of (stream, channel) in the run.
@@ -59,6 +60,7 @@ class Output:
     offset: float = 0.0
     calibrated: bool = True
     observed: bool = False
+    followed_to: float = OBSERVER_HZ
     floating: bool = False
     channel: tuple[int, int] = (0, 0)
 

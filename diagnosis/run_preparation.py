@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
+from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command
 from jointscope.diagnosis.noise import dynamic_level, quantum
@@ -61,7 +62,7 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
     if prescribed is not None:
         path = _path(prescribed, rig, half)
         observed_half, command_half, motor_half = path
-    return PreparedRun(
+    prepared = PreparedRun(
         run=run,
         index=index,
         group=run.repeat_of or f"#{index}",
@@ -92,6 +93,8 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
         outputs=outputs,
         declared=declared,
     )
+    corner = max(observer_corner(prepared), OBSERVER_HZ)
+    return replace(prepared, outputs=tuple(replace(o, followed_to=corner) for o in outputs))
 
 
 def _without_outputs(run: Run) -> Run:

@@ -22,6 +22,7 @@ from jointscope.diagnosis.problem import Problem
 from jointscope.diagnosis.responses import channel_key, fitted, passive_polarities, polarities, responses
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
+from jointscope.diagnosis.wind_up import with_wind_up
 from jointscope.identification.drive import identify_drive
 from jointscope.models.parameters import Joint, ParameterError
 from jointscope.recordings.bandlimited import bandlimited
@@ -46,7 +47,8 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
         again = _started(rig, problem.runs, exact=True)
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
     base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
-    problem = replace(problem, base=bounded(base, problem.runs, rig))
+    runs = tuple(with_wind_up(run) for run in problem.runs)
+    problem = replace(problem, runs=runs, base=bounded(base, runs, rig))
     findings = (*problem.findings, *assumptions(rig, base, problem.runs))
     return replace(problem, scales=typical_sizes(problem), findings=findings)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -64,6 +65,8 @@ def response(assembly: Assembly, run: PreparedRun, output: Output, omega: float)
     if output.quantity in ACCELERATIONS and output.location != "motor":
         value = s * s * truth[1] + (1.0 if mount else 0.0)
         return complex(value * ((output.radius or 1.0) if output.quantity == "linear-acceleration" else 1.0))
+    if output.quantity == WIND_UP:
+        return complex(truth[0] - truth[1])
     side = truth[0 if output.location == "motor" else 1]
     scale = run.ratio if output.location == "motor" else 1.0
     if output.quantity in ("angle", "position"):

@@ -1,6 +1,7 @@
 r"""Dry friction at motor or arm, friction that grows with load, and drag.
 
     T_f = T (1 +- asymmetry) sgn(w)                                     Coulomb
+    T_f = T sgn(w) and viscous damping b (1 +- viscous_asymmetry)       Coulomb, beside an input of unknown zero
     T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
     T_f = mu |T_S| sgn(w)                                               load-dependent
     T_f = c_q w |w|                                                     quadratic
@@ -14,6 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
@@ -55,6 +57,12 @@ def _coulomb(location: str) -> Apply:
     return apply
 
 
+def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
+    torque, share = values
+    _dry(assembly, "load", torque, torque)
+    assembly.P[kernel.C_SIDED] += share * assembly.P[kernel.B_L]
+
+
 def _stribeck(location: str, exponent: float) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, breakaway, speed = values
@@ -94,6 +102,10 @@ def _possible(location: str) -> Possible:
     return possible
 
 
+def _both(first: Possible, further: Possible | None) -> Possible:
+    return first if further is None else lambda problem: first(problem) or further(problem)
+
+
 def _speeds(location: str) -> Starts:
     def starts(problem: Problem) -> tuple[Values, ...]:
         s = problem.scales
@@ -128,14 +140,36 @@ def _drag_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 _TORQUE = ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0)
 _ASYMMETRY = ParameterSpec("asymmetry", "1", -0.9, 0.9)
+_VISCOUS = ParameterSpec("viscous_asymmetry", "1", -0.9, 0.9)
+_LAWS = {
+    "plain": "T sgn(w) against the motion, sticking below T",
+    "asymmetric": "T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
+    "one-sided": "T sgn(w) against the motion, sticking below T, with viscous damping b (1 +- viscous_asymmetry)",
+}
 _ALIKE = ("stribeck-friction", "load-dependent-friction", "hysteresis", "backlash")
 
 
+def _zero_known(problem: Problem) -> str | None:
+    """In motion a constant force and an asymmetry are one: asymmetry can be told where the input's zero is known."""
+    if any(carries(run) for run in problem.runs):
+        return "the zero of the force is unknown, and an asymmetry differs from it at standstill only"
+    return None
+
+
+def _zero_unknown(problem: Problem) -> str | None:
+    if all(carries(run) for run in problem.runs):
+        return None
+    return "the zero of the input is known: the plain asymmetry says as much"
+
+
 def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
-    common = {
-        "plain": ((_TORQUE,), one_start),
-        "asymmetric": ((_TORQUE, _ASYMMETRY), lambda problem: ((0.05,),)),
+    sided = (lambda problem: ((0.05,),), _coulomb(location), _zero_known)
+    common: dict[str, tuple[tuple[ParameterSpec, ...], Starts, Apply, Possible | None]] = {
+        "plain": ((_TORQUE,), one_start, _coulomb(location), None),
+        "asymmetric": ((_TORQUE, _ASYMMETRY), *sided),
     }
+    if location == "load":
+        common["one-sided"] = ((_TORQUE, _VISCOUS), lambda problem: ((-0.1,), (0.1,)), _one_sided, _zero_unknown)
     return tuple(
         EffectSpec(
             name="coulomb-friction",
@@ -143,16 +177,16 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
             variant=variant,
             family="dissipative",
             parameters=parameters,
-            law="T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
+            law=_LAWS[variant],
             revealed_by=("speed-motion", "torque-sweep") if location == "motor" else ("hammer", "speed-motion"),
             look_alikes=_ALIKE,
-            apply=_coulomb(location),
+            apply=apply,
             scale=_sizes(location),
             starts=starts,
-            possible=_possible(location),
+            possible=_both(_possible(location), further),
             limits=_torque_limits,
         )
-        for variant, (parameters, starts) in common.items()
+        for variant, (parameters, starts, apply, further) in common.items()
     )
 
 

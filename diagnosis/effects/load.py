@@ -48,6 +48,8 @@ def _gravity_possible(problem: Problem) -> str | None:
         return "the arm's weight is not on the nameplate, so it is a parameter"
     if all(run.mode == "braked" for run in problem.runs):
         return "the motor is held in every run: weight only preloads the transmission"
+    if problem.rig.motion == "translational" and problem.base.free[BASE_INDEX["torque_offset"]]:
+        return "a constant force can't be told from the input's unknown zero"
     return None
 
 

@@ -1,6 +1,7 @@
 r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damping; levels that change are laws.
 
 T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
+b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the speed, exactly
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
 
@@ -8,11 +9,18 @@ from __future__ import annotations
 
 from jointscope.models.effects.building import Building, Parameters
 
+FASTEST = 1e3  # rad/s or m/s; beyond every speed
+
 
 def coulomb(building: Building, location: str, variant: str, p: Parameters) -> str:
     """T (1 +- asymmetry) against the motion."""
     torque, asymmetry = p["torque"], p.get("asymmetry", 0.0)
     building.rub(location, torque, asymmetry * torque)
+    if p.get("viscous_asymmetry", 0.0):
+        one_sided = -p["viscous_asymmetry"] * float(building.spec.tendon("arm").damping[0]) * FASTEST
+        building.law(
+            "table", at="load", of="speed", low=-FASTEST, high=FASTEST, torque=[one_sided, 0.0, one_sided]
+        )
     return f"frictionloss of {_element(location)}" + (", constant torque" if asymmetry else "")
 
 

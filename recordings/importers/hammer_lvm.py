@@ -1,7 +1,8 @@
 """Two hammer hits on a structure of the University of Ljubljana (github ladisk/lvm_read, MIT).
 
-Force and two accelerations at 1024 Hz, 8 s each, stacked in one LVM file. The structure is not documented, so it is
-taken as one inertia on a line; the force's unit label ('g') is no unit of force, so its scale is unknown.
+Force and two accelerations at 1024 Hz, 8 s each, stacked in one LVM file. The structure is not documented. It rings at
+several frequencies; the base is the simplest thing that rings, one inertia on a spring. The force's unit label ('g') is
+no unit of force, so its scale is unknown.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ title  = "Two hammer hits, force and two accelerations"
 notes  = "lvm_read, data/long_single_header_multi_ch.lvm; the structure is not documented."
 
 [rig]
-topology = "single-dof"
-motion   = "translational"
-plane    = "horizontal"
+topology      = "single-dof"
+motion        = "translational"
+plane         = "horizontal"
+ground_spring = true                 # it rings, so something holds it: one mode is the base, further ones are physics
 """
 _RUN: Final = """
 [[run]]

@@ -40,7 +40,8 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         laws: Entries of ``effects.json`` whose kind is in ``INSTRUMENTS``.
         run: The run.
         rig: The description's ``rig``.
-        torque_offset: What the logged motor torque lacks, on the motor shaft [N m or the log's unit].
+        torque_offset: What the logged motor torque lacks, on the motor shaft, or the force that carries a single
+            inertia [N m, N or the log's unit].
     """
     late = Clock(
         delay=sum(float(law["delay"]) for law in laws if law["kind"] == "delay"),
@@ -56,7 +57,9 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         at_motor = signal.channel.location == "motor" and signal.channel.quantity in _MOTOR_TORQUES
         if not at_motor and signal.channel.quantity in ("force", "torque"):
             gain = math.prod(float(law["gain"]) for law in laws if law["kind"] == "force-gain")
-            return _scaled(_contact_only(signal, record, run), 1.0 / gain)
+            force = _scaled(_contact_only(signal, record, run), 1.0 / gain)
+            carried = rig["topology"] == "single-dof" and run.experiment != "hammer"
+            return _raised(force, torque_offset) if carried else force
         for law in laws:
             if at_motor and law["kind"] == "torque-log":
                 samples = relogged(record(signal.times), signal.sampling_rate, law["rate"], law["form"])

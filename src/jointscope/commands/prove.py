@@ -4,6 +4,7 @@
   jointscope prove out/draw --out out/proof
   jointscope prove out/draw --out out/proof --scheduler tcp://10.0.0.5:8786
   jointscope prove out/draw --out out/proof --page docs/proof.md
+  jointscope prove real --data recordings --out out/real
 
 Every campaign of the draw is diagnosed by 'jointscope diagnose' in a process of its own, on a copy away from the
 seal. Only then is the seal opened, after its SHA-256 was compared with the one at the start; a changed seal or
@@ -23,6 +24,11 @@ reads the one that was installed as jointscope/diagnosis/calibration.json.
   jointscope conceal --seed 11 --cases 300 --draw calibration --out out/calibration
   jointscope prove out/calibration --calibrate diagnosis/calibration.json
 
+With the word 'real' in place of a draw, and --data, every public set of recordings that is below DATA (one folder per
+set, named as 'jointscope import' names it) is diagnosed as it is, in other units, at half the rate, begun later, with an
+output upside down, and with the friction that was found taken off the logged force, which must leave nothing to find.
+Sets that are not there are reported as absent. OUT holds real.md with a picture, real.json, the campaigns and answers.
+
 How often the seal has been opened, and on how many different sets of answers, is counted beside it and printed on
 the page. --page writes that page elsewhere, pictures and summary.json in a folder of the page's name beside it; where
 OUT holds a finished proof of this draw, it is made from that alone: nothing is diagnosed and no seal is opened.
@@ -38,7 +44,10 @@ from typing import Any
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    parser.add_argument("draw", type=Path, help="folder written by 'jointscope conceal'")
+    parser.add_argument("draw", type=Path, help="folder written by 'jointscope conceal', or the word real")
+    parser.add_argument(
+        "--data", type=Path, default=None, metavar="DIR", help="public recordings, with the word real"
+    )
     parser.add_argument("--out", type=Path, default=None, help="results (default: DRAW with '-proof' added)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--limit", type=int, default=None, metavar="K", help="only the first K cases")
@@ -60,6 +69,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Prove; the exit code is 0 whatever the score."""
     import json
+
+    if options.draw == Path("real") and (options.data is not None or not options.draw.is_dir()):
+        return _real(options)
 
     from jointscope.experiments.prove import page
     from jointscope.experiments.prove.arms import is_arm_draw
@@ -85,6 +97,29 @@ def run(options: argparse.Namespace) -> int:
     for row in summary["table"]:
         print(f"  {row['name']:<90} {page.shown(row)}")
     print(f"{options.page or out / 'proof.md'}")
+    return 0
+
+
+def _real(options: argparse.Namespace) -> int:
+    """The public recordings; the exit code is 0 whatever the score."""
+    from jointscope.errors import InputError
+    from jointscope.experiments.prove.real import prove_real
+
+    if options.data is None:
+        raise InputError("real", "--data", "is missing", fix="say where the public recordings are: --data DIR")
+    out = options.out or Path("real-proof")
+    summary = prove_real(options.data, out, workers=options.workers, limit=options.seconds)
+    if options.json:
+        print((out / "real.json").read_text(encoding="utf-8"), end="")
+        return 0
+    for row in summary["sets"]:
+        said = ", ".join(f"{e['effect']}@{e['location']}" for e in row.get("effects", [])) or "-"
+        met = sum(check["met"] for check in row.get("checks", []))
+        shown = (
+            f"{row['verdict']}: {said}; {met} of {len(row['checks'])} met" if "verdict" in row else row["status"]
+        )
+        print(f"  {row['set']:<14} {shown}")
+    print(f"{out / 'real.md'}")
     return 0
 
 

@@ -1,0 +1,106 @@
+"""What a mechanic asks of the held-out runs beside relative errors: the force, the position and the wind-up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.assembly import observer_corner
+from jointscope.diagnosis.errors import rms
+from jointscope.diagnosis.noise import ANGULAR
+from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
+from jointscope.diagnosis.run_preparation import INVERSE_CORNER
+from jointscope.diagnosis.wind_up import WIND_UP
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+Model = tuple[Vector, "tuple[ActiveEffect, ...]"]
+
+
+def held_out_detail(problem: Problem, runs: Sequence[int], base: Model, model: Model) -> dict[str, Any]:
+    """Further keys of ``held_out``, those that the rig and its channels admit.
+
+    Args:
+        runs: Positions in ``problem.runs``.
+        base: Parameters, shape (n_theta,), and effects (none) of the refitted base.
+        model: The same of the answer.
+
+    Returns:
+        ``inverse_error`` and ``base_inverse_error`` [-] with ``inverse_filter``: RMS(T - T model(q, q', q'')) / RMS(T)
+        of a single free inertia; ``position_error``: RMS of recorded minus predicted from inputs alone, per channel of
+        angle or position [rad or m]; ``wind_up_error``: RMS of the wind-up's residual over RMS of the wind-up about its
+        mean [-], the rigid body following the recording.
+    """
+    prepared = [problem.runs[i] for i in runs]
+    found: dict[str, Any] = {}
+    force = [_mean([_inverse(run, m, problem) for run in prepared]) for m in (base, model)]
+    if np.isfinite(force).all():
+        corner = min(observer_corner(run) for run in prepared)
+        found["base_inverse_error"], found["inverse_error"] = force
+        found["inverse_filter"] = (
+            f"position and force low-passed with zero phase (Butterworth, fourth order, forwards and backwards) at "
+            f"{INVERSE_CORNER:g} Hz, central differences, then recorded and modelled force likewise at {corner:g} Hz"
+        )
+    positions = _positions(prepared, base, model, problem)
+    if positions:
+        found["position_error"] = positions
+    twist = [_mean([_wind_up(run, m, problem) for run in prepared]) for m in (base, model)]
+    if np.isfinite(twist).all():
+        found["wind_up_error"] = {"base": twist[0], "augmented": twist[1]}
+    return found
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [v for v in values if np.isfinite(v)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def _inverse(run: PreparedRun, model: Model, problem: Problem) -> float:
+    pair = inverse_force(run, *model, problem)
+    if pair is None:
+        return float("nan")
+    recorded, modelled = pair
+    return rms(recorded - modelled) / rms(recorded)
+
+
+def _recorded(run: PreparedRun, output: Output) -> Vector | None:
+    samples = run.run.streams[output.channel[0]].channels[output.channel[1]].samples
+    return None if samples is None else np.asarray(samples, dtype=np.float64)
+
+
+def _positions(runs: Sequence[PreparedRun], base: Model, model: Model, problem: Problem) -> dict[str, Any]:
+    pooled: dict[str, list[tuple[float, float, str]]] = {}
+    for run in runs:
+        predictions = (free_prediction(run, *base, problem), free_prediction(run, *model, problem))
+        for k, output in enumerate(run.declared):
+            recorded = _recorded(run, output)
+            if output.quantity not in ANGULAR or recorded is None or output.mask.size != recorded.size:
+                continue
+            scored = output.mask & np.isfinite(recorded)
+            a, b = (
+                rms((recorded - output.polarity * (np.asarray(p[k]) + output.offset))[scored]) for p in predictions
+            )
+            unit = "m" if output.quantity == "position" else "rad"
+            pooled.setdefault(f"{output.quantity}@{output.location}", []).append((a, b, unit))
+    return {
+        channel: {
+            "base": float(np.sqrt(np.mean([a * a for a, _, _ in rows]))),
+            "augmented": float(np.sqrt(np.mean([b * b for _, b, _ in rows]))),
+            "unit": rows[0][2],
+        }
+        for channel, rows in sorted(pooled.items())
+    }
+
+
+def _wind_up(run: PreparedRun, model: Model, problem: Problem) -> float:
+    predicted = predict_outputs(run, *model, problem)
+    for output, y in zip(run.outputs, predicted, strict=True):
+        if output.quantity == WIND_UP and np.std(output.data[output.mask]) > 0.0:
+            return rms((output.data - y)[output.mask]) / float(np.std(output.data[output.mask]))
+    return float("nan")

@@ -1,0 +1,60 @@
+"""Two encoders are compared by their difference: what moves both alike is no mismatch of the transmission."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.channels import observe
+from jointscope.diagnosis.predict import build, integrate, predict_outputs
+from jointscope.diagnosis.wind_up import WIND_UP, with_wind_up
+
+
+@pytest.fixture(scope="module")
+def swept(problem, truth):
+    """A torque sweep with both encoders, noise-free, prepared but not yet paired."""
+    run = next(r for r in problem.runs if r.mode == "observer" and r.motor_moves)
+    motor = next(o for o in run.outputs if o.observed)
+    arm = replace(motor, location="arm", observed=False)
+    states = integrate(build(run, truth, (), problem))
+    arm = replace(arm, data=observe(states, build(run, truth, (), problem), run, arm))
+    return replace(run, outputs=(motor, arm))
+
+
+def test_the_difference_takes_the_arms_place_and_the_motors_angle_stays(swept):
+    paired = with_wind_up(swept)
+    motor, other = paired.outputs
+    assert motor is swept.outputs[0]
+    assert (other.quantity, other.location, other.floating) == (WIND_UP, "transmission", True)
+    assert other.data == pytest.approx(swept.outputs[0].data / swept.ratio - swept.outputs[1].data)
+
+
+def test_the_true_model_predicts_it(swept, problem, truth):
+    paired = with_wind_up(swept)
+    predicted = predict_outputs(paired, truth, (), problem)[1]
+    kept = paired.outputs[1].mask
+    error = (paired.outputs[1].data - predicted)[kept]
+    assert np.std(error) < 0.01 * np.std(paired.outputs[1].data[kept])
+
+
+def test_what_moves_both_sides_alike_leaves_it_unchanged(swept):
+    motor, arm = swept.outputs
+    drift = 0.3 * np.sin(0.7 * motor.times)
+    moved = replace(
+        swept, outputs=(replace(motor, data=motor.data + swept.ratio * drift), replace(arm, data=arm.data + drift))
+    )
+    plain, shaken = (with_wind_up(run).outputs[1].data for run in (swept, moved))
+    assert shaken == pytest.approx(plain, abs=1e-12)
+
+
+def test_encoders_of_two_devices_are_compared_one_by_one(swept):
+    motor, arm = swept.outputs
+    apart = replace(swept, outputs=(motor, replace(arm, device=arm.device + 1)))
+    assert with_wind_up(apart).outputs == apart.outputs
+
+
+def test_a_held_motor_leaves_everything_as_it_is(problem):
+    braked = next(r for r in problem.runs if not r.motor_moves)
+    assert with_wind_up(braked) is braked
