@@ -309,6 +309,8 @@ def _mass_change(content: Content, wanted: Wanted) -> Change | None:
         return None
     interval = wanted.intervals.get("load_inertia")
     reason = f"load inertia: the model has {old:.5g}, the recording {new:.5g}"
+    if interval is not None:
+        reason += f" (95 %: {interval[0]:.5g} to {interval[1]:.5g})"
     if abs(heavier) > 1e-3 * abs(moment):
         reason += f"; moment of the weight {abs(content.weight):.5g} and {abs(moment):.5g} N m"
 
@@ -319,7 +321,7 @@ def _mass_change(content: Content, wanted: Wanted) -> Change | None:
     share: Share = (
         "left-out" if gravity is not None and abs(content.weight) < _VANISHED * abs(moment) else "parameters"
     )
-    return Change("load_inertia", share, reason, edit, interval, sigmas)
+    return Change("load_inertia", share, reason, edit, None, sigmas)  # the interval is not one attribute's
 
 
 def _gear_change(content: Content, wanted: Wanted, draft: Draft, notes: list[str]) -> Change | None:
@@ -524,7 +526,9 @@ def _left_out(content: Content, wanted: Wanted, notes: list[str]) -> Iterator[Ch
         elif name == "end-stop":
             made = _stop(content, entry)
         if made is None:
-            notes.append(f"{name}@{entry['location']}: no element of MJCF puts it into this file; effects.json holds it")
+            notes.append(
+                f"{name}@{entry['location']}: no element of MJCF puts it into this file; effects.json holds it"
+            )
             continue
         reason = f"{name.replace('-', ' ')}: the recording shows it, the model has none"
         yield Change(f"{name}@{entry['location']}", "left-out", reason, made, _interval(entry, main))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from jointscope.errors import InputError, RefusedError
@@ -72,13 +73,13 @@ def _check_numbers(where: Path, model: Path, joint: OwnJoint, campaign: Campaign
             where, "joint[0].rotor_ratio", f"no spring of {model.name} acts between rotor and link at this ratio",
             value=joint.rotor_ratio, fix="write down: " + _suggestion(model, campaign, joint),
         )  # fmt: skip
-    gain = content.values["torque_gain"] / n
+    gain = content.values["torque_gain"] / n if _torque_known(campaign) else math.nan
     if gain < 0.0:
         raise InputError(
             where, "joint[0].actuator", "a positive torque turns the joint backwards (negative gear)",
             value=joint.actuator, fix="turn the sign of its gear, or of joint[0].sign with zero_offset",
         )  # fmt: skip
-    if gain == gain and not GAIN[0] <= gain <= GAIN[1]:
+    if math.isfinite(gain) and not GAIN[0] <= gain <= GAIN[1]:
         guess = suspect(gain, n)
         raise InputError(
             where, "joint[0].torque",
@@ -86,6 +87,16 @@ def _check_numbers(where: Path, model: Path, joint: OwnJoint, campaign: Campaign
             + (f" ({guess})" if guess else ""),
             value=joint.torque, fix="torque = 'output' or 'motor', or the actuator's gear",
         )  # fmt: skip
+
+
+def _torque_known(campaign: Campaign) -> bool:
+    """Whether the campaign says how many N m the motor gives; volts and bare amperes say nothing."""
+    constant = campaign.rig.torque_constant is not None
+    return any(
+        s.channel.calibrated and (s.channel.quantity == "torque" or ("current" in s.channel.quantity and constant))
+        for run in campaign.runs
+        for s in run.select(location="motor", role="input")
+    )
 
 
 def _sprung(content: Content) -> bool:

@@ -70,7 +70,7 @@ class Bench:
             runs: Of the campaign.
             effects: Whether the laws of effects.json act; the torque's offset and the drive's loop always do.
         """
-        laws = self._laws(spec, joint) if effects else []
+        laws = self.laws(spec, joint) if effects else []
         physics = physics_of({**self.description, "laws": laws})
         loop = loop_of(self.description.get("drive"))
 
@@ -84,13 +84,18 @@ class Bench:
         with ThreadPoolExecutor(max_workers=self.workers) as pool:
             return list(pool.map(one, runs))
 
-    def _laws(self, spec: mujoco.MjSpec, joint: OwnJoint) -> list[Mapping[str, Any]]:
+    def laws(self, spec: mujoco.MjSpec, joint: OwnJoint) -> list[Mapping[str, Any]]:
         """Laws that this model's names let act: instruments always, forces where it carries the rig's names."""
         named = joint.link == "reducer" and (joint.rotor == "motor" or spec.joint("motor") is None)
-        return [law for law in self.description.get("laws", []) if law["kind"] in INSTRUMENTS or named]
+
+        def acts(law: Mapping[str, Any]) -> bool:
+            on_arm = law["kind"] == "friction-level" and law["at"] == "load"
+            return law["kind"] in INSTRUMENTS or (named and (not on_arm or spec.tendon("arm") is not None))
+
+        return [law for law in self.description.get("laws", []) if acts(law)]
 
 
-def renamed(main: Path, joint: OwnJoint, folder: Path) -> OwnJoint:
+def renamed(main: Path, joint: OwnJoint) -> OwnJoint:
     """Give motor and load the rig's names in the placed file ``main``, where that changes no meaning; else as it is.
 
     Laws of effects.json find their coordinates by the names ``motor`` and ``reducer`` (q - q_s).
@@ -115,5 +120,4 @@ def renamed(main: Path, joint: OwnJoint, folder: Path) -> OwnJoint:
         load_own(main)
     except JointscopeError:
         return joint
-    del folder
     return replace(joint, link="reducer", rotor=None if joint.rotor is None else "motor")

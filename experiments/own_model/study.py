@@ -269,12 +269,12 @@ class _Variants:
         folder = self.folder / f"v{len(list(self.folder.iterdir()))}"
         main = place(self.sources, self.texts(chosen), folder)
         joint = next((c.joint for c in chosen if c.joint is not None), self.joint)
-        return main, renamed(main, joint, folder) if laws and self.has_laws else joint
+        return main, renamed(main, joint) if laws and self.has_laws else joint
 
     def can_act(self, chosen: Sequence[Change]) -> bool:
         """Whether every law of effects.json finds its coordinates in this model."""
         main, joint = self._placed(chosen, laws=True)
-        return len(self.bench._laws(load_own(main), joint)) == len(self.bench.description.get("laws", []))
+        return len(self.bench.laws(load_own(main), joint)) == len(self.bench.description.get("laws", []))
 
     def outputs(
         self, chosen: Sequence[Change], runs: Sequence[Run], *, laws: bool = False

@@ -315,7 +315,7 @@ def test_the_right_model_has_nothing_to_change(tmp_path: Path, plain: Campaign) 
 
 PLANTED = {
     "parameters": (nested(stiffness=160000.0), "stiffness"),
-    "numerics": (nested().replace('"5e-4" integrator="RK4"', '"2e-3"'), "numerics"),
+    "numerics": (nested().replace('"5e-4" integrator="RK4"', '"4e-3"'), "numerics"),
     "contradicted": (
         nested(held=' frictionloss="40" solreffriction="1e-4 1" solimpfriction="0.9999 0.9999"'),
         "motor_friction",
