@@ -264,10 +264,14 @@ def compare(found: ModelMap, campaign: Campaign) -> tuple[Comparison, ...]:
         spec, found.model.read_text(encoding="utf-8"), tuple(j.rotor or j.link for j in found.joints),
         tuple(j.link for j in found.joints),
     )  # fmt: skip
-    try:
-        reference: Reference | None = arm_reference(arm)
-    except (RefusedError, InputError, ValueError, RuntimeError):
-        reference = None
+    reference: Reference | None = None
+    if all(
+        joint.rotor_ratio == 1.0 for joint in found.joints
+    ):  # Pinocchio takes one tree, so no rotor beside the link
+        try:
+            reference = arm_reference(arm)
+        except (RefusedError, InputError, ValueError, RuntimeError):
+            reference = None
     rows: list[Comparison] = []
     for k, joint in enumerate(found.joints):
         own = next((r for r in campaign.runs if not joint.campaign or r.joint == joint.campaign), None)
@@ -481,22 +485,17 @@ def _rows(
         moment = moment if rig.plane == "vertical" else 0.0
     dof = int(model.joint(joint.rotor or joint.link).dofadr[0])
     armature = float(model.dof_armature[dof]) * joint.rotor_ratio**2
+    mass, force, spring = ("kg", "N", "N/m") if rig.motion == "translational" else ("kg m^2", "N m", "N m/rad")
+    by_pin_inertia, by_pin_gravity = (None, None) if by_pin is None else (float(by_pin[0]), float(by_pin[1]))
     rows = [
-        _row(
-            joint,
-            "load inertia",
-            "kg m^2",
-            inertia,
-            None if by_pin is None else float(by_pin[0]),
-            rig.inertia_reference,
-            n,
-        ),
-        _row(joint, "holding torque", "N m", gravity, None if by_pin is None else float(by_pin[1]), moment, n),
-        _row(joint, "reflected armature", "kg m^2", armature, None, reflected, n),
+        _row(joint, "load inertia", mass, inertia, by_pin_inertia, rig.inertia_reference, n),
+        _row(joint, "holding torque", force, gravity, by_pin_gravity, moment, n),
+        _row(joint, "reflected armature", mass, armature, None, reflected, n),
     ]
     if joint.rotor is not None:
         stiffness = float(np.ravel(model.jnt_stiffness[model.joint(joint.link).id])[0])
-        rows.append(_row(joint, "stiffness", "N m/rad", stiffness, None, rig.stiffness_reference, n))
+        if joint.rotor_ratio == 1.0:  # else a tendon's
+            rows.append(_row(joint, "stiffness", spring, stiffness, None, rig.stiffness_reference, n))
     return rows
 
 

@@ -2,14 +2,16 @@
 
   jointscope model map robot.xml CAMPAIGN --out map.toml
 
-Finds the joints of your MJCF (rigid, or rotor and reducer on one axis), writes a commented map.toml to correct and keep,
-and prints for each joint the load inertia, the holding torque, the reflected armature and the stiffness that MuJoCo and
-Pinocchio get beside the campaign's nameplate. A ratio near n, n^2, -1, 2 pi, 180/pi or sqrt 2 is named as the likely
-mistake: nothing is corrected silently. The map then goes with your model into predict:
+Finds the joints of your MJCF (rigid, rotor and reducer on one axis, or a rotor tied to the link by a tendon), with their
+actuator, side, sign and ratio, and writes a commented map.toml to correct and keep. Prints for each joint the load
+inertia, the holding torque, the reflected armature and the stiffness that MuJoCo and Pinocchio get beside the campaign's
+nameplate. A ratio near n, n^2, -1, 2 pi, 180/pi or sqrt 2 is named as the likely mistake: nothing is corrected silently.
+The map then goes with your model into diagnose (whose error it is, and a patch of your file) and predict:
 
+  jointscope diagnose CAMPAIGN --model robot.xml --map map.toml --out DIR
   jointscope predict robot.xml CAMPAIGN --map map.toml --out DIR
 
-A rigid joint needs a reducer first: jointscope arm build --help.
+For predict a rigid joint needs a reducer first: jointscope arm build --help. docs/your-own-model.md has the map's keys.
 """
 
 from __future__ import annotations
