@@ -12,10 +12,11 @@ from dataclasses import replace
 
 from jointscope.identification.quality_clocks import clock_findings
 from jointscope.identification.quality_coherence import coherence_findings
-from jointscope.identification.quality_factors import factor_findings
+from jointscope.identification.quality_factors import Build
 from jointscope.identification.quality_gravity import gravity_findings, static_relations
 from jointscope.identification.quality_relation import Relation
 from jointscope.identification.quality_relations import run_relations
+from jointscope.identification.quality_wiring import Outcome, first_look, second_look, settled
 from jointscope.recordings.campaign import Campaign, Run
 from jointscope.recordings.finding import Finding
 from jointscope.recordings.quality import recorded_findings
@@ -29,28 +30,50 @@ def findings(campaign: Campaign) -> list[Finding]:
     """
     found = recorded_findings(campaign)
     if campaign.rig.topology != "arm":
-        for run in campaign.runs:
-            found += _of_run(run, campaign, found)
+        found += _of_runs(campaign, found)
         found += coherence_findings(campaign)
     return _without_repeats(found, campaign)
 
 
-def _of_run(run: Run, campaign: Campaign, known: list[Finding]) -> list[Finding]:
-    if any(arm_angle_findings(run)):
-        run = replace(run, arm_angle=math.radians(run.arm_angle))
-    unusable = {f.channel for f in known if f.run == run.id and f.finding == "dead-channel"}
+def _of_runs(campaign: Campaign, known: list[Finding]) -> list[Finding]:
+    builds = {run.id: _relations_of(run, campaign, known) for run in campaign.runs}
+    outcomes = [first_look(_in_radians(run), campaign.rig, builds[run.id]) for run in campaign.runs]
+    wiring = settled(outcomes)
+    found: list[Finding] = []
+    for outcome in outcomes:
+        found += _of_outcome(
+            second_look(outcome, wiring, campaign.rig, builds[outcome.run.id]),
+            campaign,
+            _dead(outcome.run.id, known),
+        )
+    return found
+
+
+def _of_outcome(outcome: Outcome, campaign: Campaign, unusable: set[str]) -> list[Finding]:
+    named = {finding.channel for finding in outcome.found}
+    return [
+        *outcome.found,
+        *gravity_findings(outcome.mended, campaign.rig, named),
+        *clock_findings(outcome.mended, campaign.rig, unusable),
+    ]
+
+
+def _relations_of(run: Run, campaign: Campaign, known: list[Finding]) -> Build:
+    unusable = _dead(run.id, known)
 
     def relations(run: Run) -> list[Relation]:
         made = [*run_relations(run, campaign.rig), *static_relations(run, campaign.rig)]
         return [r for r in made if not any(p.signal.channel.column in unusable for p in r.parties)]
 
-    mistakes, mended = factor_findings(run, campaign.rig, relations)
-    named = {finding.channel for finding in mistakes}
-    return [
-        *mistakes,
-        *gravity_findings(mended, campaign.rig, named),
-        *clock_findings(mended, campaign.rig, unusable),
-    ]
+    return relations
+
+
+def _dead(run: str, known: list[Finding]) -> set[str]:
+    return {f.channel for f in known if f.run == run and f.finding == "dead-channel"}
+
+
+def _in_radians(run: Run) -> Run:
+    return replace(run, arm_angle=math.radians(run.arm_angle)) if any(arm_angle_findings(run)) else run
 
 
 def _without_repeats(found: list[Finding], campaign: Campaign) -> list[Finding]:

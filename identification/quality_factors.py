@@ -49,7 +49,7 @@ class Correction:
     name: str
 
 
-def factor_findings(run: Run, rig: Nameplate, build: Build) -> tuple[list[Finding], Run]:
+def factor_search(run: Run, rig: Nameplate, build: Build) -> tuple[list[Finding], Run, list[Correction]]:
     """``inverted-polarity`` and ``suspicious-unit`` of one run, one mistake after the other until none is left.
 
     Args:
@@ -57,23 +57,41 @@ def factor_findings(run: Run, rig: Nameplate, build: Build) -> tuple[list[Findin
             angles.
 
     Returns:
-        The findings, and the run as it would be with every one of them mended, for what is checked after this.
+        The findings, the run as it would be with every one of them mended, for what is checked after this, and the
+        corrections that mended it.
     """
     found: list[Finding] = []
+    made: list[Correction] = []
     for _ in range(4):
         relations = build(run)
         failing = [relation for relation in relations if relation.hard and not relation.holds()]
         chosen = _best(run, relations, failing, rig, build) if failing else None
         if chosen is None:
             share = _off_the_list(run, failing, relations)
-            return found + ([] if share is None else [share]), run
+            return found + ([] if share is None else [share]), run, made
         why = next(relation for relation in failing if relation.holds(_corrected(relation, chosen)))
         found += [_finding(run, signal, chosen, why, rig) for signal in chosen.signals]
-        run = _mended(run, chosen)
-    return found, run
+        made.append(chosen)
+        run = mended(run, chosen)
+    return found, run, made
 
 
-def _mended(run: Run, correction: Correction) -> Run:
+def correction_finding(
+    run: Run, signal: Signal, correction: Correction, relations: Sequence[Relation], rig: Nameplate
+) -> Finding:
+    """The finding of a correction that other runs have settled, with a relation of this run that the channel breaks."""
+    broken = [r for r in relations if not r.holds() and any(_same(p.signal, signal) for p in r.parties)]
+    line = corrected_line(signal.channel, correction.factor, rig)
+    says = broken[0].says if broken else "together with the other corrections"
+    name = "inverted-polarity" if correction.factor == -1.0 else "suspicious-unit"
+    wrong = "moves against the rest" if correction.factor == -1.0 else f"times {correction.name} all agree"
+    return Finding(
+        name, run.id, signal.channel.column, f"{wrong} ({says}), as in the runs that say it alone", line
+    )
+
+
+def mended(run: Run, correction: Correction) -> Run:
+    """The run with a correction made."""
     columns = {signal.channel.column for signal in correction.signals}
 
     def channel(c: Channel) -> Channel:
@@ -95,7 +113,8 @@ def _same(a: Signal, b: Signal) -> bool:
     return a.channel is b.channel
 
 
-def _badness(relations: Sequence[Relation], correction: Correction | None = None) -> float:
+def badness(relations: Sequence[Relation], correction: Correction | None = None) -> float:
+    """Contradictions, soft ones by half, were ``correction`` made."""
     gains = [r.gain if correction is None else _corrected(r, correction) for r in relations]
     return sum((1.0 if r.hard else 0.5) for r, gain in zip(relations, gains, strict=True) if not r.holds(gain))
 
@@ -104,9 +123,9 @@ def _best(
     run: Run, relations: Sequence[Relation], failing: Sequence[Relation], rig: Nameplate, build: Build
 ) -> Correction | None:
     """The correction that leaves the fewest contradictions; of several, the most plausible."""
-    before, likely = _badness(relations), []
+    before, likely = badness(relations), []
     for correction in _candidates(failing, relations, rig):
-        after = _badness(relations, correction)
+        after = badness(relations, correction)
         if after < before and any(r.holds(_corrected(r, correction)) for r in failing):
             distance = round(_distance(relations, correction), 1)
             likely.append((after, correction.rank, distance, _seat(correction.signals[0]), correction))
@@ -115,7 +134,7 @@ def _best(
         return likely[0][4] if likely[0][0] <= before - 0.5 else None
     ranked = []
     for _, rank, distance, seat, correction in likely[:_TRIED]:
-        after = _badness(build(_mended(run, correction)))  # gains are not quite linear where gravity acts
+        after = badness(build(mended(run, correction)))  # gains are not quite linear where gravity acts
         if after <= before - 0.5:
             ranked.append((after, rank, distance, seat, correction))
     return min(ranked, key=lambda entry: entry[:4])[4] if ranked else None

@@ -23,7 +23,7 @@ Ask = Callable[[str, str], str]
 
 _RUN_KEYS: Final = ("experiment", "arm_angle", "brake", "role")
 EFFORTS: Final = ("torque", "current")
-_FILE_KEYS: Final = ("sampling_rate", *_RUN_KEYS)
+_FILE_KEYS: Final = ("sampling_rate", "take", *_RUN_KEYS)
 
 
 def read_answers(path: Path | None) -> dict[str, Any]:
@@ -93,15 +93,25 @@ def draft_campaign(
 
 
 def _of_one_take(runs: Sequence[RunDraft], files: Collection[str]) -> list[RunDraft]:
-    """Records of a file on one clock joined to one run; what it was taken for is said by the record that was driven."""
+    """Parts of one take joined to one run: those that an answer says are, and the records of ``files``, on one clock.
+
+    What it was taken for is said by the part that was driven; what an answer says of any part holds for all.
+    """
     joined: dict[str, list[RunDraft]] = {}
     for number, run in enumerate(runs):
         file = str(run.streams[0][0].values["file"])
-        joined.setdefault(file if file in files else f"{number}/{file}", []).append(run)
+        own = f"file {file}" if file in files else f"run {number}"
+        joined.setdefault(f"take {run.take}" if run.take else own, []).append(run)
     found = []
     for parts in joined.values():
         main = next((part for part in parts if part.keys.values["experiment"] != "free"), parts[0])
-        found.append(RunDraft(main.keys, tuple(stream for part in parts for stream in part.streams)))
+        for part in parts:
+            for key, value in part.keys.values.items():
+                if part is not main and key != "id" and key not in part.keys.guessed:
+                    main.keys.state(key, value)
+        if main.take:
+            main.keys.state("id", main.take)
+        found.append(RunDraft(main.keys, tuple(stream for part in parts for stream in part.streams), main.take))
     return found
 
 
@@ -219,7 +229,7 @@ def _runs_of(
             own.guess(
                 "repeat_of", f"{record.file.stem}{'-' + record.name if record.name else ''}", "hits of one record"
             )
-        runs.append(RunDraft(own, ((stream, tuple(channels)),)))
+        runs.append(RunDraft(own, ((stream, tuple(channels)),), str(stated.get("take", ""))))
     return runs
 
 

@@ -22,10 +22,11 @@ LOWEST: Final = 0.05  # of the largest hit
 
 @dataclass(frozen=True, eq=False)
 class RunDraft:
-    """A run to be written: its keys, and its streams with their channels."""
+    """A run to be written: its keys, its streams with their channels, and the take that an answer says it is a part of."""
 
     keys: Draft
     streams: tuple[tuple[Draft, tuple[Draft, ...]], ...]
+    take: str = ""
 
 
 def hit_windows(force: np.ndarray[Any, np.dtype[np.float64]], rate: float) -> list[tuple[float, float]]:

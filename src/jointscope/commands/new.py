@@ -19,6 +19,7 @@ Answers can be given beforehand (--answers), in TOML, keys as in a campaign:
   together = false               # true: all files are devices of one and the same run
   [files."take1.csv"]            # for the runs of one file
   sampling_rate = 2048.0
+  take = "sweep-1"               # files with the same take are devices of one run
   [columns.ch1]                  # for a column, in whatever file
   quantity = "force"
   unit = "N"
