@@ -43,7 +43,10 @@ def arm_answer(diagnosis: Diagnosis) -> dict[str, Any]:
         answer["candidate_joints"] = [[joint for _, joint in names] for names in parts]
     joints = _by_joint(answer["parameters"])
     tested = problem.facts.joints[problem.facts.tested]
-    answer["parameters"] = {**joints.get(tested, {}), **{k: v for k, v in answer["parameters"].items() if SEPARATOR not in k}}
+    answer["parameters"] = {
+        **joints.get(tested, {}),
+        **{k: v for k, v in answer["parameters"].items() if SEPARATOR not in k},
+    }
     answer["joints"] = {
         joint: {
             "parameters": joints.get(joint, {}),

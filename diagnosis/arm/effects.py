@@ -116,7 +116,9 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
 
 def _reach(problem: ArmProblem, j: int) -> float:
     """Torque that friction at a motor is measured against [N m]: what its reducer hands on, or its drive gives."""
-    own = [float(np.max(np.abs(r.motor_half - np.median(r.motor_half)))) for r in problem.arm_runs if r.driven == j]
+    own = [
+        float(np.max(np.abs(r.motor_half - np.median(r.motor_half)))) for r in problem.arm_runs if r.driven == j
+    ]
     return max(float(problem.torque[j]), *own, 1e-3) if own else max(float(problem.torque[j]), 1e-3)
 
 

@@ -64,7 +64,9 @@ class ArmFacts:
             RefusedError: The robot file has no such joint.
         """
         if joint not in self.joints:
-            raise RefusedError(f"the campaign's model has no joint {joint!r}; its joints: {', '.join(self.joints)}")
+            raise RefusedError(
+                f"the campaign's model has no joint {joint!r}; its joints: {', '.join(self.joints)}"
+            )
         return self.joints.index(joint)
 
 
@@ -95,7 +97,9 @@ def arm_facts(campaign: Campaign) -> ArmFacts:
     """
     path = _robot_file(campaign)
     if not path.is_file():
-        raise InputError(campaign.path / "campaign.toml", "model", f"{path.name} is not in the campaign", fix="add it")
+        raise InputError(
+            campaign.path / "campaign.toml", "model", f"{path.name} is not in the campaign", fix="add it"
+        )
     spec = rigid_spec(path)
     model = spec.compile()
     names = [joint.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE]

@@ -149,7 +149,12 @@ def travel(
     slip = np.zeros(m, np.int64)
     right = np.empty(m)
     k1, k2, k3, k4, y = np.empty(4 * m), np.empty(4 * m), np.empty(4 * m), np.empty(4 * m), np.empty(4 * m)
-    inverse, gravity, slope, product = inverses[0].copy(), gravities[0].copy(), slopes[0].copy(), products[0].copy()
+    inverse, gravity, slope, product = (
+        inverses[0].copy(),
+        gravities[0].copy(),
+        slopes[0].copy(),
+        products[0].copy(),
+    )
     for step in range(steps + 1):
         h = 2 * step
         node, share = 0, 0.0
@@ -157,7 +162,7 @@ def travel(
             place = (x[k] - low) / spacing
             if not abs(place) < 1e9:
                 return False
-            node = min(max(int(math.floor(place)), 0), nodes - 2)
+            node = min(max(math.floor(place), 0), nodes - 2)
             share = min(max(place - node, 0.0), 1.0)
             for i in range(m):
                 gravity[i] = (1.0 - share) * gravities[node, i] + share * gravities[node + 1, i]
@@ -252,7 +257,7 @@ def shake(
             free[i] = total
         for a in range(nf):
             g[a] = f[a]
-        for sweep in range(2 if nf > 0 else 1):
+        for _ in range(2 if nf > 0 else 1):
             for i in range(n):
                 total = free[i]
                 for a in range(nf):

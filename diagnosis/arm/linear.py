@@ -1,6 +1,6 @@
 r"""Small motion of the prepared arm in the frequency domain: which joints the recordings see, and where a fit starts.
 
-    Z(s) x = (s^2 M + s C + K) x = f,   x = (links, rotors that turn)
+Z(s) x = (s^2 M + s C + K) x = f,   x = (links, rotors that turn)
 """
 
 from __future__ import annotations

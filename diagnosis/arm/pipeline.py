@@ -20,7 +20,20 @@ from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.split import split_runs
 from jointscope.diagnosis.verdict import decide
 
-EFFORT = Effort(hits=5, others=2, screen_hits=3, screen_others=1, singles=6, refine=14, pairs=0, beam=1, children=2, size=2, fit_simulations=40, polished=3)
+EFFORT = Effort(
+    hits=5,
+    others=2,
+    screen_hits=3,
+    screen_others=1,
+    singles=6,
+    refine=14,
+    pairs=0,
+    beam=1,
+    children=2,
+    size=2,
+    fit_simulations=40,
+    polished=3,
+)
 
 
 def diagnose_arm(

@@ -77,7 +77,9 @@ def _visibility(runs: list[ArmRun], facts: ArmFacts, figures: Figures) -> Vector
     """
     n = len(facts.joints)
     found = np.zeros(n)
-    distinct = {(r.run.experiment, tuple(r.kinds), tuple(np.round(r.plant.hit, 4)), tuple(r.locked)): r for r in runs}
+    distinct = {
+        (r.run.experiment, tuple(r.kinds), tuple(np.round(r.plant.hit, 4)), tuple(r.locked)): r for r in runs
+    }
     for run in distinct.values():
         springs = np.asarray(facts.elastic & ~run.locked)
         for j in range(n):
@@ -115,10 +117,17 @@ def _base(
         values[2] = np.where(facts.rotor_inertia <= 0.0, 5.0, values[2])
     scale = np.where(values > 0.0, values, 1.0)
     scale[3] = np.maximum(scale[3], 5.0)
-    lower = np.stack([0.1 * scale[0], 0.0 * scale[1], 0.02 * scale[2], 0.0 * scale[3], 0.2 * scale[4], 0.1 * scale[5]])
-    upper = np.stack([10.0 * scale[0], 30.0 * scale[1], 50.0 * scale[2], 100.0 * scale[3], 5.0 * scale[4], 8.0 * scale[5]])
+    lower = np.stack(
+        [0.1 * scale[0], 0.0 * scale[1], 0.02 * scale[2], 0.0 * scale[3], 0.2 * scale[4], 0.1 * scale[5]]
+    )
+    upper = np.stack(
+        [10.0 * scale[0], 30.0 * scale[1], 50.0 * scale[2], 100.0 * scale[3], 5.0 * scale[4], 8.0 * scale[5]]
+    )
     moved = [r for r in runs if r.driven >= 0]
-    gap = [float(r.plant.gravity[_at_start(r), r.driven] - np.mean(r.motor_half[: round(0.1 * r.grid_rate)])) for r in moved]
+    gap = [
+        float(r.plant.gravity[_at_start(r), r.driven] - np.mean(r.motor_half[: round(0.1 * r.grid_rate)]))
+        for r in moved
+    ]
     size = max([float(np.ptp(r.motor_half)) for r in moved], default=1.0)
     names = tuple(parameter(kind, joint) for kind in PER_JOINT for joint in facts.joints) + COMMON
     nuisance = np.repeat([False, False, False, False, True, True], n)
@@ -135,7 +144,7 @@ def _base(
 
 def _at_start(run: ArmRun) -> int:
     """Node of the table at which the run begins."""
-    return int(round(-run.plant.low / run.plant.step)) if run.plant.moving >= 0 else 0
+    return round(-run.plant.low / run.plant.step) if run.plant.moving >= 0 else 0
 
 
 def _with_sizes(problem: ArmProblem) -> ArmProblem:

@@ -39,7 +39,7 @@ class ArmRun(PreparedRun):
         kinds: ``kernel.BRAKED``, ``HELD``, ``DRIVEN`` or ``FREE`` per joint, shape (n,).
         locked: Which joints the run says are rigid, shape (n,).
         driven: Place of the joint whose torque was logged, or -1.
-        path, path_rate: Recorded angle of its rotor at the output from the start [rad] and its rate, low-passed, at half
+        path, path_rate: Recorded angle of its rotor at the output from the start [rad] and its rate, at half
             steps.
         commanded, commanded_rate: The same from the speed command.
         tie: Inertia that the tie to the path acts on [kg m^2].

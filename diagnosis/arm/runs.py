@@ -31,7 +31,9 @@ GRID = 4000.0  # Hz, at least, of small motion
 GRID_FAR = 2000.0  # Hz, the same of sweeps, whose band ends lower, and of motion along a path
 QUIET = 2e-3  # of a hit's peak, below which the ringing is over
 LAST = 0.3  # s kept after that
-PATH_BAND = 10.0  # Hz, of the recorded angle that the model is tied to
+PATH_BAND = (
+    0.4  # of the log's rate, kept of the recorded angle: what the tie's path lacks of the motion, the tie damps
+)
 FAR = 0.05  # rad of travel from which a joint's path is tabled
 EDGE = 12  # samples at either end of a record that are not scored: the recorder's filter has no other half there
 STILL = 0.05  # s at the start that belong to rest
@@ -101,9 +103,7 @@ def arm_run(run: Run, rig: Nameplate, facts: ArmFacts, index: int) -> tuple[ArmR
     return prepared, notes
 
 
-def _holds(
-    run: Run, facts: ArmFacts, joint: int
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], tuple[str, ...]]:
+def _holds(run: Run, facts: ArmFacts, joint: int) -> tuple[NDArray[np.int64], NDArray[np.bool_], tuple[str, ...]]:
     """How each rotor is held; joints on which the run is silent are braked."""
     n = len(facts.joints)
     kinds, locked, notes = np.full(n, kernel.BRAKED, dtype=np.int64), np.zeros(n, dtype=bool), []
@@ -214,7 +214,7 @@ def _recorded_path(angle: Signal | None, half: Vector, ratio: float) -> tuple[Ve
     if angle is None:
         return np.zeros_like(half), np.zeros_like(half)
     samples = (np.asarray(angle.samples, dtype=np.float64) - _rest(angle)) / ratio
-    cut = dsp.butter(2, PATH_BAND, fs=angle.sampling_rate, output="sos")
+    cut = dsp.butter(4, PATH_BAND * angle.sampling_rate, fs=angle.sampling_rate, output="sos")
     slow = dsp.sosfiltfilt(cut, samples)
     curve = bandlimited(slow, angle.sampling_rate, angle.stream.start)
     return curve(half), curve(half, 1)

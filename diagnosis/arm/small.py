@@ -122,10 +122,10 @@ def run_small(
         rate: Steps per second.
     """
     system = small_motion(table, P, kinds, driven, tie, tie_rate)
-    bent = np.flatnonzero((P[:, kernel.GAP] > 0.0) | (P[:, kernel.CUBIC] != 0.0) | (P[:, kernel.SOFT_SHARE] != 0.0))
-    dry = [
-        r for r, i in enumerate(system.turning) if P[i, kernel.COULOMB] > 0.0 or P[i, kernel.BREAKAWAY] > 0.0
-    ]
+    bent = np.flatnonzero(
+        (P[:, kernel.GAP] > 0.0) | (P[:, kernel.CUBIC] != 0.0) | (P[:, kernel.SOFT_SHARE] != 0.0)
+    )
+    dry = [r for r, i in enumerate(system.turning) if P[i, kernel.COULOMB] > 0.0 or P[i, kernel.BREAKAWAY] > 0.0]
     columns = np.concatenate([system.B[:, None], system.E[:, bent], system.R[:, dry]], axis=1)
     phi, zero, one, two = discrete(system.A, columns, 1.0 / rate)
     a, b = zero[:, 0], one[:, 0]

@@ -85,7 +85,9 @@ def draw_arm_bench(rng: np.random.Generator, hidden: str | None = None) -> ArmBe
     for name in (*giving, *(() if hidden is None else (hidden,))):
         row = rows[name]
         K = row.stiffness * _log(rng, 0.6, 1.5)
-        made[name] = replace(row, stiffness=K, damping=row.damping * (K / row.stiffness) ** 0.5 * _log(rng, 0.7, 2.0))
+        made[name] = replace(
+            row, stiffness=K, damping=row.damping * (K / row.stiffness) ** 0.5 * _log(rng, 0.7, 2.0)
+        )
     truth = replace(
         whole, joints=tuple(made[n] for n in rows if n in made), mass_scale=round(float(rng.uniform(0.85, 1.15)), 3),
         payload=payload, posture=posture, computed={},

@@ -143,7 +143,9 @@ def _chosen(wish: str, bench: ArmBench, rng: np.random.Generator) -> tuple[tuple
     if wish == "torque-gain":
         gain = float(1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.04, 0.15))
         values = {"gain": gain}
-        return (ArmEffect(effect=wish, location="motor", joint=joint, law="factor", values=values),), abs(gain - 1.0)
+        return (ArmEffect(effect=wish, location="motor", joint=joint, law="factor", values=values),), abs(
+            gain - 1.0
+        )
     if wish == "backlash":  # where gravity presses one flank least, for a flank that is never left shows no play
         joint = min(giving, key=lambda j: _preload(bare, j) / _swing(bare, j) * float(rng.uniform(0.8, 1.25)))
     target = SEEN * float(np.exp(rng.uniform(0.0, np.log(8.0))))
@@ -171,7 +173,9 @@ def _effect(
                          values={"cubic": level * _stiffness(bench, joint) / wind_up**2})  # fmt: skip
     torque = level * _rotor_torque(bare, joint)
     if wish == "coulomb-friction":
-        return ArmEffect(effect=wish, location="motor", joint=joint, law="friction-constraint", values={"torque": torque})
+        return ArmEffect(
+            effect=wish, location="motor", joint=joint, law="friction-constraint", values={"torque": torque}
+        )
     speed = max(float(np.max(np.abs(t.trajectory.rotor_speed(joint)))) for t in bare if t.force is None)
     values = {"torque": torque, "breakaway": 1.8 * torque, "stribeck_velocity": 0.1 * speed}
     return ArmEffect(effect=wish, location="motor", joint=joint, law="falling", values=values)
@@ -185,7 +189,9 @@ def _reducer_torque(take: ArmTake, joint: str) -> Real:
     held = take.trajectory.held
     k = held.arm.index(joint)
     address = held.model.jnt_qposadr[held.model.dof_jntid[held.reducer[k]]]
-    K = float(np.ravel(held.arm.spec.compile().jnt_stiffness[held.arm.spec.compile().joint(held.arm.reducers[k]).id])[0])
+    K = float(
+        np.ravel(held.arm.spec.compile().jnt_stiffness[held.arm.spec.compile().joint(held.arm.reducers[k]).id])[0]
+    )
     return np.asarray(K * take.trajectory.position[:, address])
 
 
@@ -214,13 +220,10 @@ def _share(before: list[ArmTake], after: list[ArmTake]) -> float:
     found = 0.0
     for a, b in zip(before, after, strict=True):
         pairs: list[tuple[Real, Real]] = [
-            (a.trajectory.sensors[:, a.trajectory.held.sensor(n)][:, 2], b.trajectory.sensors[:, b.trajectory.held.sensor(n)][:, 2])
-            for n in ("acc_1", "acc_2")
-        ]  # fmt: skip
+            (a.trajectory.accelerometer(name), b.trajectory.accelerometer(name)) for name in ("acc_1", "acc_2")
+        ]
         if a.torque is not None and b.torque is not None:
             pairs.append((a.torque, b.torque))
         for x, y in pairs:
             found = max(found, float(np.sqrt(np.mean(np.square(y - x)))) / float(np.std(x)))
     return found
-
-

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from jointscope.models.arm.build import DRIVE, ElasticArm, build_arm
 from jointscope.models.arm.forward import Trajectory, step_arm_repeats
-from jointscope.models.arm.holding import HAMMER, TORQUE, HeldArm, HoldKind, Rest, drive_command, equilibrium, hold_arm
+from jointscope.models.arm.holding import (
+    HAMMER,
+    TORQUE,
+    HeldArm,
+    HoldKind,
+    Rest,
+    drive_command,
+    equilibrium,
+    hold_arm,
+)
 from jointscope.recordings.campaign import Channel, Experiment, Location, Role, Run, Stream
 from jointscope.sim.arm.plan import JOINT
 from jointscope.sim.concealed.arm_bench import ArmBench, Spot
@@ -50,14 +59,22 @@ class ArmTake:
     duration: float
 
 
-def rehearse_arm(bench: ArmBench, effects: tuple[ArmEffect, ...], rng: np.random.Generator, *, few: bool = False) -> list[ArmTake]:
+def rehearse_arm(
+    bench: ArmBench, effects: tuple[ArmEffect, ...], rng: np.random.Generator, *, few: bool = False
+) -> list[ArmTake]:
     """Every take of the bench with ``effects`` in the arm; with ``few`` one strong take of each kind."""
     arm = with_elements(build_arm(bench.truth), effects)
     hits, sweeps, motions = (1, 1, 1) if few else bench.repeats
     takes: list[ArmTake] = []
     for spot in bench.spots:
         takes += _hits(arm, bench, spot, effects, rng, hits, bench.hit_levels[-1:] if few else bench.hit_levels)
-    takes += _sweeps(arm, bench, effects, rng, [a for a in (bench.sweep_levels[-1:] if few else bench.sweep_levels) for _ in range(sweeps)])
+    takes += _sweeps(
+        arm,
+        bench,
+        effects,
+        rng,
+        [a for a in (bench.sweep_levels[-1:] if few else bench.sweep_levels) for _ in range(sweeps)],
+    )
     for travel in bench.travels[-1:] if few else bench.travels:
         takes += _motions(arm, bench, effects, rng, travel, motions)
     return takes
@@ -69,7 +86,11 @@ def _grid(bench: ArmBench, duration: float) -> Real:
 
 
 def _held(
-    arm: ElasticArm, bench: ArmBench, posture: Mapping[str, float], effects: tuple[ArmEffect, ...], hammer: Spot | None
+    arm: ElasticArm,
+    bench: ArmBench,
+    posture: Mapping[str, float],
+    effects: tuple[ArmEffect, ...],
+    hammer: Spot | None,
 ) -> tuple[HeldArm, Rest, dict[str, HoldKind]]:
     hold: dict[str, HoldKind] = dict.fromkeys(arm.rotors, "brake" if hammer is not None else "drive")
     if bench.hidden is not None:
@@ -122,7 +143,12 @@ def _sweeps(
 
 
 def _motions(
-    arm: ElasticArm, bench: ArmBench, effects: tuple[ArmEffect, ...], rng: np.random.Generator, travel: float, count: int
+    arm: ElasticArm,
+    bench: ArmBench,
+    effects: tuple[ArmEffect, ...],
+    rng: np.random.Generator,
+    travel: float,
+    count: int,
 ) -> list[ArmTake]:
     duration = LEAD + MOTION_TIME + TRAIL
     posture = {**bench.posture, JOINT: bench.posture[JOINT] - 0.5 * travel}
@@ -201,7 +227,9 @@ def _driven(
 # --- recording -------------------------------------------------------------------------------------------------------
 
 
-def recorded_run(take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...], name: str, rng: np.random.Generator) -> Run:
+def recorded_run(
+    take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...], name: str, rng: np.random.Generator
+) -> Run:
     """A take as the lab has it, with what the lab believes of its joints."""
     h = bench.timestep
     stamps = DAQ.stamps(take.duration)
@@ -216,7 +244,9 @@ def recorded_run(take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...],
         channel = _channel(sensor.probe.name, "linear-acceleration", "m/s^2", "arm" if sensor.joint == JOINT else "neighbour",
                            "output", converter.convert(DAQ.sample(felt, h, stamps), rng), sensor)  # fmt: skip
         daq.append(replace(channel, coupling="ac", low_cutoff=LOW_CUTOFF, full_scale=490.0))
-    streams = [Stream(file=f"{name}-a.npz", sampling_rate=DAQ.sampling_rate, length=stamps.size, channels=tuple(daq))]
+    streams = [
+        Stream(file=f"{name}-a.npz", sampling_rate=DAQ.sampling_rate, length=stamps.size, channels=tuple(daq))
+    ]
     if take.torque is not None:
         streams.append(_log(take, bench, effects, name, rng))
     believed = {row.name for row in bench.lab.joints}
@@ -229,7 +259,9 @@ def recorded_run(take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...],
     )  # fmt: skip
 
 
-def _log(take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...], name: str, rng: np.random.Generator) -> Stream:
+def _log(
+    take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...], name: str, rng: np.random.Generator
+) -> Stream:
     h = bench.timestep
     stamps = LOG.stamps(take.duration)
     assert take.torque is not None and take.command is not None
@@ -243,7 +275,13 @@ def _log(take: ArmTake, bench: ArmBench, effects: tuple[ArmEffect, ...], name: s
     converter = Converter(full_scale=10.0, bits=16, noise_rms=bench.noise[2])
     spot = Spot(joint=JOINT, probe=bench.spots[0].probe)
     channels = (
-        ("motor_angle", "angle", "rad", "output", Encoder().read(LOG.sample(n * take.trajectory.rotor(JOINT), h, stamps))),
+        (
+            "motor_angle",
+            "angle",
+            "rad",
+            "output",
+            Encoder().read(LOG.sample(n * take.trajectory.rotor(JOINT), h, stamps)),
+        ),
         ("speed_command", "speed-command", "rad/s", "input", LOG.sample(take.command, h, stamps)),
         ("torque", "torque", "N m", "input", converter.convert(LOG.sample(torque, h, stamps), rng)),
     )

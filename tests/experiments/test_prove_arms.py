@@ -49,9 +49,14 @@ def test_faint_effects_are_counted_apart() -> None:
         judge_arm(truth(), answer("none")),
     ]
     rows = {row["name"]: row for row in arm_table(judged)}
-    assert (rows["effects named with place and joint"]["hits"], rows["effects named with place and joint"]["cases"]) == (1, 1)
+    assert (
+        rows["effects named with place and joint"]["hits"],
+        rows["effects named with place and joint"]["cases"],
+    ) == (1, 1)
     assert rows["faint effects named with place and joint"]["cases"] == 1
     assert confusion(judged) == {
         "backlash@transmission": {"none": 1, "backlash@transmission": 1}, "nothing": {"none": 1},
     }  # fmt: skip
-    assert "backlash@transmission:elbow" in page({"cases": 3, "seal": "s", "table": list(rows.values()), "confusion": confusion(judged)}, judged)
+    assert "backlash@transmission:elbow" in page(
+        {"cases": 3, "seal": "s", "table": list(rows.values()), "confusion": confusion(judged)}, judged
+    )

@@ -50,7 +50,13 @@ def stepped(
     """MuJoCo's motion under the pulse, or under ``torque`` [N m on rotor a] added to its drive."""
     driven = [] if torque is None else ["a"]
     held = hold_arm(
-        arm, hold, POSTURE, timestep=STEP, driven=driven, probes=[ACC_A, ACC_B], hammer=HIT if torque is None else None
+        arm,
+        hold,
+        POSTURE,
+        timestep=STEP,
+        driven=driven,
+        probes=[ACC_A, ACC_B],
+        hammer=HIT if torque is None else None,
     )
     rest = equilibrium(held, POSTURE)
     times = np.arange(round(duration / STEP)) * STEP
@@ -66,7 +72,9 @@ def stepped(
     return times, step_arm(held, rest, commands), held, rest
 
 
-def channel(column: str, quantity: str, unit: str, role: str, samples: Real, probe: Probe | None, joint: str) -> Channel:
+def channel(
+    column: str, quantity: str, unit: str, role: str, samples: Real, probe: Probe | None, joint: str
+) -> Channel:
     """A channel on the arm, or of joint's motor where ``probe`` is ``None``."""
     return Channel(
         column=column, quantity=quantity, unit=unit, location="motor" if probe is None else "arm", role=role,  # type: ignore[arg-type]
