@@ -6,10 +6,25 @@ import reprlib
 from pathlib import Path
 
 _LONGEST = 240  # characters of a part of a message; what came from a broken file may have any length
+_LONGEST_FIX = 700  # our own words mostly: lists of what is known are longer
 
 
 class JointscopeError(Exception):
     """Base of every error that a user can cause and mend; the command line prints it as one line."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_printable(message))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """As it is to other processes: by its message, whatever a subclass is made from."""
+        return _restored, (type(self), str(self), dict(vars(self)))
+
+
+def _restored(kind: type[JointscopeError], message: str, attributes: dict[str, object]) -> JointscopeError:
+    problem = kind.__new__(kind, message)
+    problem.args = (message,)
+    vars(problem).update(attributes)
+    return problem
 
 
 class InputError(JointscopeError):
@@ -29,8 +44,8 @@ class InputError(JointscopeError):
         self.value = value
         where = f"{self.file}" + (f": {_part(key)}" if key else "")
         shown = "" if value is None else f" = {_shown(value)}"
-        way_out = f"; {_part(fix)}" if fix else ""
-        super().__init__(_printable(f"{where}{shown}: {_part(problem)}{way_out}"))
+        way_out = f"; {_part(fix, _LONGEST_FIX)}" if fix else ""
+        super().__init__(f"{where}{shown}: {_part(problem)}{way_out}")
 
 
 def _shown(value: object) -> str:
@@ -44,8 +59,8 @@ def _shown(value: object) -> str:
         return f"a {type(value).__name__} of thousands of digits"
 
 
-def _part(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+def _part(text: str, longest: int = _LONGEST) -> str:
+    return text if len(text) <= longest else f"{text[: longest // 2]} ... {text[-longest // 2 :]}"
 
 
 def _printable(text: str) -> str:

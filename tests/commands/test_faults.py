@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import pickle
 import resource
 import signal
 import subprocess
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 
 from jointscope.cli import main
+from jointscope.errors import CampaignError, RefusedError
+from jointscope.models.parameters import ParameterError
 from jointscope.sim.concealed import production
 
 STUDY = """format = "jointscope-sensitivity/1"
@@ -191,6 +194,18 @@ def test_an_interrupted_study_goes_on_to_the_same_numbers(bench, tmp_path, monke
     assert len(calls) == 3 + 6 + 8
     first, second = (json.loads((tmp_path / name / "sensitivity.json").read_text()) for name in "ab")
     assert first == second
+
+
+def test_errors_reach_another_process_whole():
+    """A worker's refusal arrives as what it was, with its line and its attributes."""
+    for problem in (
+        CampaignError("a.toml", "rig.x", "missing", value=3, fix="add it"),
+        ParameterError("Joint", "stiffness", -1.0, "positive"),
+        RefusedError("no\nhits \x1b[31m"),
+    ):
+        other = pickle.loads(pickle.dumps(problem))
+        assert (type(other), str(other), vars(other)) == (type(problem), str(problem), vars(problem))
+        assert "\n" not in str(other) and str(other).isprintable()
 
 
 def test_a_killed_worker_of_a_study_is_a_line_and_a_second_try_finishes(bench, tmp_path, capsys, monkeypatch):

@@ -383,7 +383,7 @@ class HangError(BaseException):
 def clear_line(problem):
     """Whether an error is one line that says something and names a file."""
     line = str(problem)
-    return "\n" not in line and "\r" not in line and 10 < len(line) < 1500 and line.isprintable()
+    return "\n" not in line and "\r" not in line and 10 < len(line) < 2500 and line.isprintable()
 
 
 def read(folder):
