@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.experiments.own_model.changes import Change
 from jointscope.experiments.own_model.content import Content
+from jointscope.experiments.own_model.wanted import Change
 from jointscope.experiments.own_model.xml_document import Draft, Sources
 from jointscope.models.effects.building import EXACT, STUCK
 from jointscope.recordings.campaign import Run
@@ -40,7 +40,7 @@ def numerics_change(sources: Sources, content: Content, step: Step, runs: Sequen
     off = _difference(step([], few), exact)
     if off < CONVERGED:
         return None
-    candidates = [None] if frictional else []  # the friction solver alone, then the steps up to the model's own
+    candidates: list[float | None] = [None] if frictional else []  # the friction solver alone first
     candidates += [h for h in LADDER if h <= own * 1.0000001] or [FINE]
     for timestep in candidates[:-1]:
         left = _difference(step([_settings(sources, content, timestep, frictional=frictional)], few), exact)

@@ -19,7 +19,8 @@ from jointscope.experiments.own_model.xml_document import Draft, Sources, read_s
 from jointscope.recordings.campaign import Campaign, Run
 from jointscope.sim.effects import loop_of, physics_of
 from jointscope.sim.effects.instruments import INSTRUMENTS
-from jointscope.sim.own_model import OwnJoint, load_own, own_run
+from jointscope.sim.own_model import OwnJoint, load_own
+from jointscope.sim.own_stepping import own_run
 
 Real = NDArray[np.float64]
 

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.predict_file import predict_campaign
 from jointscope.errors import InputError, RefusedError
-from jointscope.experiments.own_model.changes import SHARES, Change, Share, Wanted, proposals
+from jointscope.experiments.own_model.changes import proposals
 from jointscope.experiments.own_model.content import Content, read_content
 from jointscope.experiments.own_model.numerics import numerics_change
 from jointscope.experiments.own_model.scoring import ChannelError, channel_errors, grouped, mean_error, polarity
 from jointscope.experiments.own_model.shares import shapley
 from jointscope.experiments.own_model.stepping import Bench, place, renamed
+from jointscope.experiments.own_model.wanted import SHARES, Change, Share, Wanted
 from jointscope.experiments.own_model.xml_document import Draft, Line, Sources, read_sources
 from jointscope.models.effects import augment
 from jointscope.recordings.campaign import Campaign, Run
@@ -135,7 +136,7 @@ def study_own_model(
         step = numerics_change(sources, content, lambda edits, runs: variants.outputs(edits, runs), fitted)
         proposed = [*([step] if step else []), *(c for c in proposed if c.sigmas > SURE)]
         report(f"trying {len(proposed)} changes on {len(fitted)} fitted runs")
-        kept, dropped = _kept(proposed, lambda chosen: variants.error(chosen, fitted))
+        kept, dropped = _kept(proposed, lambda chosen: variants.error(chosen, fitted, laws=True))
         report(f"splitting the error on {len(judged)} runs over {len(kept)} changes")
         kinds = [k for k in SHARES if any(c.share == k for c in kept)]
         if "left-out" not in kinds and variants.has_laws:

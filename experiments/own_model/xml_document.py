@@ -237,7 +237,6 @@ class Draft:
     values: dict[tuple[int, str], tuple[Tag, str]] = field(default_factory=dict)
     insertions: list[tuple[int, int, str]] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
-    written: dict[str, str] = field(default_factory=dict)
 
     def get(self, tag: Tag, attribute: str) -> str | None:
         """The attribute as it stands in this draft; ``None`` where the element doesn't write it."""

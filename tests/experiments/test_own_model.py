@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from jointscope.errors import InputError
-from jointscope.experiments.own_model.changes import Wanted, proposals
+from jointscope.experiments.own_model.changes import proposals
 from jointscope.experiments.own_model.content import read_content
 from jointscope.experiments.own_model.files import changes_csv, unified_diff
 from jointscope.experiments.own_model.inertia import put_mass
@@ -23,9 +23,11 @@ from jointscope.experiments.own_model.sections import simulation_sections
 from jointscope.experiments.own_model.shares import shapley
 from jointscope.experiments.own_model.stepping import place
 from jointscope.experiments.own_model.study import OwnModelStudy, simulation_json, study_own_model
+from jointscope.experiments.own_model.wanted import Wanted
 from jointscope.experiments.own_model.xml_document import Draft, read_sources
 from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
-from jointscope.sim.own_model import OwnJoint, load_own, own_run
+from jointscope.sim.own_model import OwnJoint, load_own
+from jointscope.sim.own_stepping import own_run
 
 K, C, J_L, J_M, B_M, B_L, N = 193665.0, 59.76, 3.02, 9.105498, 2.0, 2.0, 141.0
 
@@ -270,8 +272,11 @@ def test_a_rigid_joint_on_the_brake_stands_still(tmp_path: Path, plain: Campaign
 
 
 def test_a_joint_that_the_bench_held_is_as_if_it_were_not_there(tmp_path: Path, plain: Campaign) -> None:
-    wrist = nested().replace('<site name="imu"', '<body name="w" pos="1 0 0"><joint name="wrist" type="hinge"/>'
-                             '<inertial pos="0 0 0" mass="1e-9" diaginertia="1e-12 1e-12 1e-12"/></body><site name="imu"')  # fmt: skip
+    hand = (
+        '<body name="w" pos="1 0 0"><joint name="wrist" type="hinge"/>'
+        '<inertial pos="0 0 0" mass="1e-9" diaginertia="1e-12 1e-12 1e-12"/></body><site name="imu"'
+    )
+    wrist = nested().replace('<site name="imu"', hand)
     held = load_own(written(tmp_path, wrist))
     plainly = load_own(written(tmp_path, nested(), "p.xml"))
     a = own_run(plain, plain.runs[3], held, replace(JOINT, hold={"wrist": 0.7}))

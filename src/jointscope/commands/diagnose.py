@@ -89,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
 
     from jointscope import __version__
     from jointscope.atomic import write_text
+    from jointscope.diagnosis.answer import finite_or_none
     from jointscope.diagnosis.predict import free_prediction
     from jointscope.diagnosis.prepare import prepare
     from jointscope.errors import InputError
@@ -116,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
         diagnosis, answer, model = _diagnosed(problem, pool, report)
         answer["campaign"] = Path(os.path.relpath(options.campaign, options.out)).as_posix()
         if simulate is not None:
-            answer["simulation"] = simulate(problem, answer, model, pool)
+            answer["simulation"] = finite_or_none(simulate(problem, answer, model, pool))
     text = json.dumps(answer, indent=2, allow_nan=False) + "\n"
     write_text(options.out / "model.json", json.dumps(model, indent=2, allow_nan=False) + "\n")
     write_text(options.out / "diagnosis.json", text)
