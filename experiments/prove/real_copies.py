@@ -27,6 +27,10 @@ _MOTION_HZ = 20.0  # low-pass of the recorded motion before its speed is taken
 _SPEED_OF = {"position": "velocity", "angle": "angular-velocity"}
 
 
+def _real(channel: Channel) -> Vector:
+    return np.asarray(channel.samples, dtype=np.float64)
+
+
 def rescaled(campaign: Campaign) -> Campaign:
     """Every channel in another unit of known size; uncalibrated ones at another gain."""
 
@@ -38,7 +42,7 @@ def rescaled(campaign: Campaign) -> Campaign:
                 channel, unit="1", scale=UNIT, file_unit=None, sensitivity=None, counts_per_turn=None, rated_torque=None,
                 rated_current=None,
             )  # fmt: skip
-        return replace(channel, samples=np.asarray(channel.samples) * UNIT)
+        return replace(channel, samples=_real(channel) * UNIT)
 
     return _channels(campaign, lambda stream: replace(stream, channels=tuple(map(change, stream.channels))))
 
@@ -48,8 +52,7 @@ def decimated(campaign: Campaign) -> Campaign:
 
     def change(stream: Stream) -> Stream:
         channels = tuple(
-            c if c.samples is None else replace(c, samples=_halved(np.asarray(c.samples, dtype=np.float64)))
-            for c in stream.channels
+            c if c.samples is None else replace(c, samples=_halved(_real(c))) for c in stream.channels
         )
         return replace(
             stream, channels=channels, sampling_rate=stream.sampling_rate / 2.0, length=(stream.length + 1) // 2
@@ -67,9 +70,7 @@ def shifted(campaign: Campaign) -> Campaign:
 
     def change(stream: Stream, run: Run) -> Stream:
         cut = round(CUT * stream.sampling_rate) if run.initial == "estimate" else 0
-        channels = tuple(
-            c if c.samples is None else replace(c, samples=np.asarray(c.samples)[cut:]) for c in stream.channels
-        )
+        channels = tuple(c if c.samples is None else replace(c, samples=_real(c)[cut:]) for c in stream.channels)
         start = stream.start + LATER + cut / stream.sampling_rate
         return replace(stream, channels=channels, start=start, length=stream.length - cut)
 
@@ -82,11 +83,7 @@ def flipped(campaign: Campaign) -> Campaign:
 
     def change(channel: Channel) -> Channel:
         turned = channel.role == "output" and channel.location in ("arm", "load")
-        return (
-            replace(channel, samples=-np.asarray(channel.samples))
-            if turned and channel.samples is not None
-            else channel
-        )
+        return replace(channel, samples=-_real(channel)) if turned and channel.samples is not None else channel
 
     return _channels(campaign, lambda stream: replace(stream, channels=tuple(map(change, stream.channels))))
 
@@ -122,7 +119,7 @@ def without_friction(campaign: Campaign, diagnosis: Mapping[str, Any]) -> Campai
 def _removable(effect: Mapping[str, Any], campaign: Campaign) -> bool:
     if effect["effect"] not in ("coulomb-friction", "stribeck-friction"):
         return False
-    return effect["location"] == ("motor" if campaign.rig.topology == "two-inertia" else "load")
+    return str(effect["location"]) == ("motor" if campaign.rig.topology == "two-inertia" else "load")
 
 
 def friction_force(effect: Mapping[str, Any], speed: Vector, damping: float) -> Vector:
@@ -152,7 +149,7 @@ def _freed(run: Run, campaign: Campaign, effect: Mapping[str, Any], damping: flo
         if not logged or channel.samples is None:
             return channel
         at = np.interp(stream.times, motion.times, speed)
-        return replace(channel, samples=np.asarray(channel.samples) - friction_force(effect, at, damping) / ratio)
+        return replace(channel, samples=_real(channel) - friction_force(effect, at, damping) / ratio)
 
     streams = tuple(replace(s, channels=tuple(change(c, s) for c in s.channels)) for s in run.streams)
     return replace(run, streams=streams)
