@@ -33,7 +33,7 @@ Kind = tuple[object, ...]
 
 REAL = 25.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
 REAL_FURTHER = 30.0  # the same of any further effect, which has the rest of an imperfect law to feed on
-REAL_TOGETHER = 50.0  # per effect of a set no part of which explains anything by itself
+REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 OF_PARENT = 0.03  # and of the parent's own gain over the base
 IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
 CARRIES_OVER = 0.12  # held-out gain over what the same kind of runs gained in the fit, per sample

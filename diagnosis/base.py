@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
-from jointscope.diagnosis.input_noise import resonance
+from jointscope.diagnosis.input_noise import inlet
 from jointscope.diagnosis.noise import NoiseModel, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
@@ -99,7 +99,7 @@ def rewhiten(
     """Noise from what ``fit`` leaves, and the objective whitened by it."""
     theta, effects = fit.coordinates.unpack(fit.x)
     predictions = objective.predictions(theta, effects)
-    noise = estimate_noise(objective.prepared, predictions, before, max_order, resonance(objective.problem, theta))
+    noise = estimate_noise(objective.prepared, predictions, before, max_order, inlet(objective.problem, theta))
     return whitened(objective, noise, predictions), noise, predictions
 
 

@@ -1,10 +1,12 @@
 """The noise of a logged torque, which reaches the accelerometer's prediction through the joint's own resonance.
 
-A recorded input u + eta drives the model: what is left of the data is r = (G_0 - G_theta) u - G_theta eta + e. Least
-squares would damp the resonance until the noise no longer rings in it (Soderstrom 2007, on errors in variables). With
-G = N/A the residual is filtered by A_theta / B instead, B the spectral factor of |A|^2 + share w^4: monic over monic and
-minimum phase, so no determinant is owed, and A_theta r = A_theta y - N u is the prediction error of an ARMAX model
-(Ljung 1999, section 4.2), which is consistent. A follows theta, B stays as it was when the noise was estimated.
+A recorded input u + eta drives the model: what is left of the data is r = (G_0 - G_theta) u - G_theta eta + e, which
+rings at the joint's resonance where nothing was wrong with the model. Taken for white, the ringing is explained by
+whatever damps it. With G = N/A the residual is filtered by A_theta / B instead, B the spectral factor of
+|A|^2 + share w^4: monic over monic and minimum phase, so no determinant is owed, and what is left at the true theta is
+white (an ARMAX model's prediction error, Ljung 1999, section 4.2). A follows theta, B stays as it was when the noise was
+estimated. The filter takes the colour away, not the bias of estimates from an input whose noise rivals its signal at the
+resonance (Soderstrom 2007, on errors in variables).
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 Pole = tuple[float, float]  # frequency [Hz] and damping ratio [-]
@@ -76,6 +78,57 @@ def second_order(frequency: float, zeta: float, rate: float) -> Vector:
     apart = w * math.sqrt(zeta**2 - 1.0)
     slow, fast = math.exp(-zeta * w + apart), math.exp(-zeta * w - apart)
     return np.array([1.0, -slow - fast, slow * fast])
+
+
+@dataclass(frozen=True)
+class Inlet:
+    """How the noise of a torque log reaches the outputs of the model that was fitted.
+
+    Attributes:
+        pole: Resonance of the joint with its motor free; ``None`` for a rig of one inertia.
+        inertia: Of everything that moves [kg m^2 or kg].
+        factor: Torque at the output per unit of the log [-].
+    """
+
+    pole: Pole | None
+    inertia: float
+    factor: float
+
+
+def inlet(problem: Problem, theta: Vector) -> Inlet:
+    """The inlet of the base at ``theta``."""
+    b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
+    two = problem.rig.topology == "two-inertia"
+    inertia = b["load_inertia"] + (b["motor_inertia"] if two else 0.0)
+    return Inlet(resonance(problem, theta), max(inertia, 1e-300), b["efficiency"] * b["torque_scale"])
+
+
+def white_part(x: Vector) -> float:
+    """Standard deviation of the white part of a smooth record: robust third differences over sqrt(20)."""
+    if x.size < 64:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(np.diff(x, 3))) / math.sqrt(20.0))
+
+
+def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, observer: float) -> float:
+    """Power density of the torque log's noise over the sensor's own, as the output sees them far below ``pole`` [-].
+
+    Args:
+        run: Driven by a logged torque.
+        output: An acceleration, or an angle that an observer holds.
+        way: How torque becomes motion.
+        step: The recorder's step [the output's unit].
+        observer: w_0 of the observer [rad/s], which turns a torque into an angle; 0 for an acceleration.
+    """
+    if run.motor is None:
+        return 0.0
+    torque = way.factor * white_part(run.motor.samples) / math.sqrt(run.motor.signal.rate)
+    lever = run.ratio if output.location == "motor" else 1.0
+    if output.quantity == "linear-acceleration":
+        lever = output.radius or 1.0
+    reached = torque / way.inertia * lever / (observer**2 if observer > 0.0 else 1.0)
+    own = max(white_part(output.data[output.mask]), step / math.sqrt(12.0), 1e-300) / math.sqrt(output.rate)
+    return (reached / own) ** 2
 
 
 def resonance(problem: Problem, theta: Vector) -> Pole | None:

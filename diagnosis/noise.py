@@ -26,8 +26,8 @@ Vector = NDArray[np.float64]
 Key = tuple[object, ...]
 
 MAX_ORDER = 12
-INPUT_NOISE = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)  # power of the torque's noise over the sensor's [-]
-ADRIFT = (1.0, 1e2, 1e4, 1e6)  # the same of an angle that an observer holds
+ABOUT = (0.3, 1.0, 3.0)  # times the power of input noise that the torque log itself shows
+NO_MATTER = 1e-3  # of the sensor's own power
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
 ANGULAR_FLOOR = (
@@ -170,6 +170,7 @@ def block_noise(
     max_order: int,
     quantum: float = 0.0,
     pole: Pole | None = None,
+    share_of_input: float = 0.0,
 ) -> BlockNoise:
     """Noise of one block from its residuals, with per-run scatter taken off already.
 
@@ -179,6 +180,7 @@ def block_noise(
         max_order: Greatest autoregressive order.
         quantum: Step of the recorder [the output's unit].
         pole: The resonance through which the noise of an input comes, where one does.
+        share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
     share = ANGULAR_FLOOR if outputs[0].quantity in ANGULAR else RELATIVE_FLOOR
@@ -194,10 +196,9 @@ def block_noise(
     scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
     samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
-    if pole is not None:
+    if pole is not None and share_of_input > NO_MATTER:
         follows = outputs[0].quantity not in ANGULAR
-        strengths = INPUT_NOISE if follows else ADRIFT
-        found = (ringing(pole, strength, outputs[0].rate) for strength in strengths)
+        found = (ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
         filters.extend(replace(one, follows=follows) for one in found)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:

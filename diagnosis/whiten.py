@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.excitation import asked_only, below_excitation
-from jointscope.diagnosis.input_noise import Pole, Ringing
+from jointscope.diagnosis.input_noise import Inlet, Pole, Ringing, noise_share
 from jointscope.diagnosis.noise import (
     ANGULAR,
     GAIN_BOUNDS,
@@ -219,20 +219,23 @@ def estimate_noise(
     predictions: Sequence[Sequence[Vector]],
     before: NoiseModel,
     max_order: int,
-    pole: Pole | None = None,
+    way: Inlet | None = None,
 ) -> NoiseModel:
     """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error.
 
-    ``pole`` is the resonance of the model that predicted: the noise of a logged torque comes through it.
+    ``way`` is how the noise of a logged torque reaches the outputs of the model that predicted.
     """
     gain, timing, _ = hit_scatter(runs, before, predictions)
     poles: dict[Key, Pole | None] = {}
+    shares: dict[Key, list[float]] = {}
     for run in runs:
         for output in run.outputs:
-            if run.motor_moves and output.quantity in ACCELERATIONS:
-                poles[block_key(run, output)] = pole
-            elif run.mode == "observer" and output.quantity in ANGULAR:
-                poles[block_key(run, output)] = (OBSERVER_HZ, OBSERVER_ZETA)
+            key, observed = block_key(run, output), run.mode == "observer" and output.quantity in ANGULAR
+            if observed or (run.motor_moves and output.quantity in ACCELERATIONS):
+                poles[key] = (OBSERVER_HZ, OBSERVER_ZETA) if observed else (None if way is None else way.pole)
+                w0 = 2.0 * np.pi * OBSERVER_HZ if observed else 0.0
+                share = noise_share(run, output, way, quantum(output), w0) if way is not None else 0.0
+                shares.setdefault(key, []).append(share)
     outputs: dict[Key, list[Output]] = {}
     residuals: dict[Key, list[Vector]] = {}
     scattered = NoiseModel(before.blocks, gain, timing)
@@ -249,6 +252,7 @@ def estimate_noise(
             max_order,
             max(quantum(o) for o in outputs[key]),
             poles.get(key),
+            float(np.median(shares.get(key, [0.0]))),
         )
         for key in outputs
     }
