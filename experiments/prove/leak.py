@@ -65,7 +65,7 @@ def features(folder: Path) -> Real:
         _spread_of([len(stream["channels"]) for run in runs for stream in run["stream"]]),
         [_as_number(",".join(sorted(document["rig"]))), _as_number(",".join(sorted(runs[0])))],
         _places(runs),
-        [ids[0], ids[-1], ids.mean(), ids.std(), float(np.mean(np.diff(ids) > 0.0))],
+        [ids[0], ids[-1], ids.mean(), ids.std(), float(np.sum(np.diff(ids) > 0.0) / max(ids.size - 1, 1))],
         _padded(np.log10(np.abs(rig) + 1e-12), 16),
         _padded(np.array([np.mean(numbers), np.max(numbers), np.min(numbers), len(numbers), np.std(numbers)]), 5),
         [float(np.mean([len(run["stream"]) for run in runs])), float(np.std([run.get("arm_angle", 0.0) for run in runs]))],
