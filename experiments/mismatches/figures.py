@@ -66,6 +66,7 @@ def _ratios(axes: Axes, told: Told) -> None:
     keep = (f >= low) & (f <= high)
     axes.axvspan(*told.mismatch.band, color=BAND, alpha=0.35, linewidth=0)
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
+    largest = 0.0
     for which, colour, dash in (("before", PREDICTED, "--"), ("after", THIRD, "-")):
         size = _sizes(told, which)[1]
         ratio = 20.0 * np.log10(np.maximum(size, 1e-12) / np.maximum(measured, 1e-12))
@@ -76,7 +77,8 @@ def _ratios(axes: Axes, told: Told) -> None:
             linestyle=dash,
             label=f"{which}: {told.bias(which):+.2f} dB in the band",
         )
-    axes.set(xlabel="frequency [Hz]", ylabel="predicted over recorded [dB]", xlim=(low, high), ylim=(-12.0, 12.0),
+    reach = float(np.clip(1.2 * largest, 3.0, 24.0))  # all of the stated band, and no more than says something
+    axes.set(xlabel="frequency [Hz]", ylabel="predicted over recorded [dB]", xlim=(low, high), ylim=(-reach, reach),
              title="Prediction against recording")  # fmt: skip
     axes.legend()
 
@@ -93,7 +95,10 @@ def _damping(axes: Axes, told: Told) -> None:
         axes.barh(place, value, color=colour, height=0.55)
         if interval:
             axes.plot(interval, [place, place], color="black", linewidth=1.2)
-        axes.annotate(f"{value:.1f}", (value, place), xytext=(6, 0), textcoords="offset points", va="center")
+        end = max(interval[1], value) if interval else value
+        axes.annotate(f"{value:.1f}", (end, place), xytext=(6, 0), textcoords="offset points", va="center")
+    axes.margins(x=0.15)
+    axes.set_axisbelow(True)
     axes.set_yticks(range(len(rows)), [name for name, *_ in rows])
     axes.invert_yaxis()
     axes.set(xlabel="damping c [N m s/rad], 95 % intervals", title="Table 2: damping")
