@@ -258,7 +258,7 @@ def _undecidable(
             measured = _measured(yard, bench, sight, rivals)
         except FloatingPointError:
             continue
-        if best is None or measured.z_d / measured.z < best[1].z_d / best[1].z:
+        if best is None or measured.z_d / max(measured.z, 1e-9) < best[1].z_d / max(best[1].z, 1e-9):
             best = ((effect,), measured)
         if measured.z_d < 4.0 <= measured.z:
             break
