@@ -36,7 +36,7 @@ Real = NDArray[np.float64]
 Report = Callable[[str], None]
 
 SURE = 3.0  # standard errors by which a value must be off before it is changed
-MATERIAL = 0.02  # of the error that all changes together take away
+MATERIAL = 0.03  # of the error that remains with all changes, by which it must rise without one
 SMALLEST = 5e-4  # of the signal's RMS: a change that gains less is none
 PER_STRATUM = 2  # runs of each kind that are stepped for every variant
 
@@ -227,8 +227,8 @@ def _kept(proposed: list[Change], error: Callable[[Sequence[Change]], float]) ->
     """Changes whose absence from the full set costs more than chance; the rest."""
     if not proposed:
         return [], []
-    full, nothing = error(proposed), error([])
-    needed = max(SMALLEST, MATERIAL * max(nothing - full, 0.0))
+    full = error(proposed)
+    needed = max(SMALLEST, MATERIAL * full)
     kept = list(proposed)
     cost = {id(c): error([o for o in kept if o is not c]) - full for c in kept}
     weak = sorted((c for c in kept if cost[id(c)] < needed), key=lambda c: cost[id(c)])
