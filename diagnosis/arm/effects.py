@@ -27,6 +27,13 @@ if TYPE_CHECKING:
 Put = Callable[["ArmAssembly", Values], None]
 SEPARATOR = ":"
 MICRO = 1e-5  # rad/s: a rotor that moves less says nothing of its friction
+TRIED = (
+    14.0,
+    22.0,
+    35.0,
+    55.0,
+    90.0,
+)  # Hz at which a neighbour's flexibility is screened: its shape changes with it
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
 
 
@@ -168,7 +175,7 @@ def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
     return found
 
 
-def _neighbour(problem: ArmProblem, j: int) -> EffectSpec:
+def _neighbour(problem: ArmProblem, j: int) -> list[EffectSpec]:
     joint, inertia = problem.facts.joints[j], float(problem.locked_inertia[j])
 
     def put(assembly: ArmAssembly, values: Values) -> None:
@@ -181,15 +188,26 @@ def _neighbour(problem: ArmProblem, j: int) -> EffectSpec:
         assembly.P[j, kernel.STIFFNESS] = K
         assembly.P[j, kernel.DAMPING] = 2.0 * ratio * math.sqrt(K * inertia)
 
-    return _spec(
-        "neighbour-flexibility", "neighbour", joint, "reducer", "mode",
-        (
-            ParameterSpec("frequency", "Hz", 2.0, HIGHEST, log=True, null=math.inf),
-            ParameterSpec("damping", "1", 0.002, 0.5, log=True),
-        ),
-        put, "a reducer between the links: K_j = M_jj (2 pi f)^2, f with every other joint rigid", (120.0, 45.0, 20.0),
-        ((0.03,),), ("hammer", "torque-sweep", "speed-motion"), ("link-flexibility",),
-    )  # fmt: skip
+    return [
+        _spec(
+            "neighbour-flexibility",
+            "neighbour",
+            joint,
+            f"reducer, from {tried:g} Hz",
+            "mode",
+            (
+                ParameterSpec("frequency", "Hz", 2.0, HIGHEST, log=True, null=math.inf),
+                ParameterSpec("damping", "1", 0.002, 0.5, log=True),
+            ),
+            put,
+            "a reducer between the links: K_j = M_jj (2 pi f)^2, f with every other joint rigid",
+            (2.0 * tried, tried, 0.6 * tried),
+            ((0.03,),),
+            ("hammer", "torque-sweep", "speed-motion"),
+            ("link-flexibility",),
+        )
+        for tried in TRIED
+    ]
 
 
 def _drive(problem: ArmProblem, j: int) -> list[EffectSpec]:
@@ -257,7 +275,7 @@ def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
         if springs and problem.wind_up[j] > 0.0:
             found.extend(_transmission(problem, int(j)))
         if len(springs) < len(runs) and not springs:
-            found.append(_neighbour(problem, int(j)))
+            found.extend(_neighbour(problem, int(j)))
         if any(r.driven == j for r in runs):
             found.extend(_drive(problem, int(j)))
     return (*found, *_recorder(problem))

@@ -155,9 +155,11 @@ def _with_nameplate(facts: ArmFacts, campaign: Campaign) -> ArmFacts:
         inertia[k] = (rig.motor_inertia + (rig.reducer_inertia or 0.0)) * ratio[k] ** 2
     if rig.motor_damping is not None:
         rotor_damping[k] = rig.motor_damping
-    elastic[k] = True
-    if stiffness[k] <= 0.0:
-        stiffness[k] = rig.stiffness_reference or STIFF_START
+    driven = {facts.index(run.joint) for run in campaign.runs if run.joint and run.experiment != "hammer"}
+    for j in {k, *driven}:  # a rotor whose torque is logged needs a reducer to act through
+        elastic[j] = True
+        if stiffness[j] <= 0.0:
+            stiffness[j] = (rig.stiffness_reference if j == k else None) or STIFF_START
     locked = facts.reference.locked_inertia(campaign.runs[0].posture)
     floor = 2.0 * DAMPED_START * np.sqrt(np.maximum(stiffness * locked, 0.0))
     damping = np.where(elastic & (damping <= 0.0), floor, damping)

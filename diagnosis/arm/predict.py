@@ -14,6 +14,7 @@ from scipy import signal as dsp
 from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.problem import PER_JOINT, ArmProblem, ArmRun
 from jointscope.diagnosis.arm.small import run_small
+from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.plant import Reduced
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-TIE_HZ = 1.0  # of the observer that keeps a measured torque on the recorded path
+TIE_HZ = OBSERVER_HZ  # keeps a measured torque on the recorded path; the noise model knows this observer
 LOOSE_HZ = 0.2  # the same where only the command is known
-TIE_RATIO = 0.7  # damping ratio of either
+TIE_RATIO = OBSERVER_ZETA
 ROWS = {
     "stiffness": kernel.STIFFNESS, "damping": kernel.DAMPING, "rotor_inertia": kernel.ROTOR_INERTIA,
     "motor_damping": kernel.ROTOR_DAMPING, "drive_stiffness": kernel.DRIVE_STIFFNESS,

@@ -130,15 +130,16 @@ def _base(
     ]
     size = max([float(np.ptp(r.motor_half)) for r in moved], default=1.0)
     names = tuple(parameter(kind, joint) for kind in PER_JOINT for joint in facts.joints) + COMMON
+    fixed = [max([r.tie for r in moved], default=1.0), facts.efficiency, 1.0]
     nuisance = np.repeat([False, False, False, False, True, True], n)
     return BaseSpec(
         names=names,
-        start=np.append(values.ravel(), float(np.median(gap)) if gap else 0.0),
-        lower=np.append(lower.ravel(), -size),
-        upper=np.append(upper.ravel(), size),
-        scale=np.append(scale.ravel(), 0.05 * size),
-        free=np.append(free.ravel(), bool(moved)),
-        nuisance=np.append(nuisance, True),
+        start=np.append(values.ravel(), [float(np.median(gap)) if gap else 0.0, *fixed]),
+        lower=np.append(lower.ravel(), [-size, *fixed]),
+        upper=np.append(upper.ravel(), [size, *fixed]),
+        scale=np.append(scale.ravel(), [0.05 * size, *fixed]),
+        free=np.append(free.ravel(), [bool(moved), False, False, False]),
+        nuisance=np.append(nuisance, [True] * len(COMMON)),
     )
 
 

@@ -22,7 +22,8 @@ PER_JOINT = (
     "drive_stiffness",
     "drive_damping",
 )  # theta holds each of these for every joint, then COMMON
-COMMON = ("torque_offset",)
+COMMON = ("torque_offset", "load_inertia", "efficiency", "torque_scale")
+# the last three are fixed: by them the noise of a torque log is told from the sensors' own, as for a single joint
 
 
 def parameter(name: str, joint: str) -> str:

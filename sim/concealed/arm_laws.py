@@ -66,11 +66,11 @@ def set_up(held: HeldArm, rest: Rest, effects: tuple[ArmEffect, ...]) -> None:
             continue
         hinge = int(model.dof_jntid[held.reducer[k]])
         at = float(rest.qpos[model.jnt_qposadr[hinge]])
-        K, torque = _first(model.jnt_stiffness[hinge]), float(rest.torque[k])
+        K, torque = float(model.jnt_stiffness[hinge]), float(rest.torque[k])
         if e.effect == "backlash":
-            _set_first(model.jnt_stiffness, hinge, 0.0)
+            model.jnt_stiffness[hinge] = 0.0
             band = int(model.tendon(e.joint + BAND).id)
-            _set_first(model.tendon_stiffness, band, K)
+            model.tendon_stiffness[band] = K
             free = at + torque / K  # of the spring that bears at rest
             gap = e.values["gap"]
             low, high = (free, free + gap) if torque > 0.0 else (free - gap, free)
@@ -79,21 +79,10 @@ def set_up(held: HeldArm, rest: Rest, effects: tuple[ArmEffect, ...]) -> None:
             model.tendon_lengthspring[band] = (low, high)
         elif e.effect == "stiffness-nonlinearity":
             cubic = e.values["cubic"]
-            model.jnt_stiffness[hinge, 2] = cubic
+            model.jnt_stiffnesspoly[hinge, 1] = cubic
             roots = np.roots([cubic, 0.0, K, -torque])
             wind_up = float(roots[np.argmin(np.abs(roots - torque / K))].real)
             model.qpos_spring[model.jnt_qposadr[hinge]] = at + wind_up
-
-
-def _first(row: Real) -> float:
-    return float(np.ravel(row)[0])
-
-
-def _set_first(table: Real, index: int, value: float) -> None:
-    if table.ndim == 2:
-        table[index, 0] = value
-    else:
-        table[index] = value
 
 
 @dataclass(frozen=True, eq=False)

@@ -140,7 +140,7 @@ def test_a_stiff_neighbour_is_a_rigid_one(hit: ArmProblem) -> None:
 def test_flexibility_of_a_rigid_neighbour_is_found_again_at_its_frequency(hit: ArmProblem) -> None:
     """The law with K_b = M_bb (2 pi f)^2 is the elastic model itself."""
     rigid = replace(hit, facts=replace(hit.facts, elastic=np.array([True, False])))
-    (spec,) = [s for s in arm_catalogue(rigid) if s.name == "neighbour-flexibility"]
+    spec = next(s for s in arm_catalogue(rigid) if s.name == "neighbour-flexibility")
     assert spec.location == "neighbour:b"
     M = float(hit.locked_inertia[1])
     frequency, ratio = np.sqrt(9000.0 / M) / (2.0 * np.pi), 8.0 / (2.0 * np.sqrt(9000.0 * M))
@@ -167,29 +167,38 @@ def _both_kernels(problem: ArmProblem, effects: tuple[ActiveEffect, ...]) -> tup
     return moved(assembly).readings, readings
 
 
-@pytest.mark.parametrize(("name", "size", "close"), [
-    ("backlash", 1, 0.02), ("stiffness-nonlinearity", 1, 0.01), ("coulomb-friction", 1, 0.03), ("stribeck-friction", 1, 0.04),
-])  # fmt: skip
-def test_two_ways_of_stepping_agree(swept: ArmProblem, name: str, size: int, close: float) -> None:
-    spec = next(s for s in arm_catalogue(swept) if s.name == name)
-    values = list(spec.starts(swept)[0])
-    values.insert(spec.amplitude, spec.scale(swept)[size])
-    plain = _both_kernels(swept, ())
-    assert float(np.std(plain[0] - plain[1])) < 2e-3 * float(np.std(plain[0]))
-    bent = _both_kernels(swept, (ActiveEffect(spec, tuple(values)),))
+@pytest.mark.parametrize(
+    ("name", "place", "struck", "close"),
+    [
+        ("backlash", "transmission:b", True, 0.02),
+        ("stiffness-nonlinearity", "transmission:b", True, 0.01),
+        ("coulomb-friction", "motor:a", False, 0.03),
+        ("coulomb-friction", "motor:b", False, 0.03),
+        ("stribeck-friction", "motor:a", False, 0.04),
+    ],
+)
+def test_two_ways_of_stepping_agree(
+    hit: ArmProblem, swept: ArmProblem, name: str, place: str, struck: bool, close: float
+) -> None:
+    problem = hit if struck else swept
+    spec = next(s for s in arm_catalogue(problem) if s.name == name and s.location == place)
+    values = list(spec.starts(problem)[0])
+    values.insert(spec.amplitude, spec.scale(problem)[1])
+    plain = _both_kernels(problem, ())
+    size = float(np.std(plain[1]))
+    assert float(np.std(plain[0] - plain[1])) < 2e-3 * size
+    bent = _both_kernels(problem, (ActiveEffect(spec, tuple(values)),))
     effect = float(np.std(bent[1] - plain[1]))
-    assert effect > 1e-3 * float(np.std(plain[1]))
-    assert float(np.std((bent[0] - plain[0]) - (bent[1] - plain[1]))) < max(
-        0.1 * effect, close * float(np.std(plain[0]))
-    )
+    assert effect > 1e-3 * size
+    assert float(np.std((bent[0] - plain[0]) - (bent[1] - plain[1]))) < max(0.1 * effect, close * size)
 
 
 def test_friction_beyond_what_drives_it_is_a_brake(swept: ArmProblem) -> None:
-    """A driven rotor under less than its breakaway torque does not move at all; nor does the arm."""
-    spec = next(s for s in arm_catalogue(swept) if s.name == "coulomb-friction" and s.location == "motor:a")
-    assembly = assembled(swept.arm_runs[0], true_theta(swept), (), swept)
-    assembly.P[0, kernel.COULOMB] = 1e4
-    motion = moved(assembly)
-    assert spec.parameters[0].unit == "N m"
-    assert float(np.max(np.abs(motion.rotor))) < 1e-12
-    assert float(np.ptp(motion.readings)) < 1e-9
+    """A driven rotor under less than its breakaway torque stands still; so does the arm."""
+    run, theta = swept.arm_runs[0], true_theta(swept)
+    free = moved(assembled(run, theta, (), swept))
+    assembly = assembled(run, theta, (), swept)
+    assembly.P[0, kernel.COULOMB] = assembly.P[0, kernel.BREAKAWAY] = 1e4
+    held = moved(assembly)
+    assert float(np.max(np.abs(held.rotor))) < 1e-3 * float(np.max(np.abs(free.rotor)))
+    assert float(np.std(held.readings - held.readings[0])) < 1e-2 * float(np.std(free.readings - free.readings[0]))
