@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.recordings.campaign import Channel, Experiment, Run, Stream
+from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.recordings.campaign import Channel, Experiment, Run, Signal, Stream
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.problem import PreparedRun, Problem
+    from jointscope.diagnosis.problem import Problem
 
 Vector = NDArray[np.float64]
 Programme = Callable[[Vector], Vector]
@@ -26,7 +27,9 @@ HIT_SECONDS = 1.2
 DRIVEN_SECONDS = 3.0
 HOLD_HZ = 0.6  # of the loose position hold under a torque programme
 LIVELY = 80.0  # Hz, upper end of sweeps and multisines
-PLACEHOLDER = 1e-9  # of an output that is yet to be foretold: a record that never moves would be left out as too coarse
+PLACEHOLDER = (
+    1e-9  # of an output that is yet to be foretold: a record that never moves would be left out as too coarse
+)
 WIND_UP_SHARE = (
     0.3  # of the largest torque in the recordings: what a planned torque asks of a joint that never was driven
 )
@@ -97,49 +100,65 @@ class Take:
     one_device: bool = False
 
 
+def _first(problem: Problem, wanted: Callable[[Signal], bool]) -> Signal | None:
+    """The signal that stands for its kind, whatever the order of runs and channels: tangential, outermost, fastest."""
+    found = [s for run in problem.runs for s in run.run.signals if s.channel.samples is not None and wanted(s)]
+
+    def standing(s: Signal) -> tuple[bool, float, float, float]:
+        channel = s.channel
+        return (
+            channel.direction != "tangential",
+            -(channel.radius or 0.0),
+            -s.sampling_rate,
+            -float(np.max(np.abs(s.samples))),
+        )
+
+    return min(found, key=standing, default=None)
+
+
+def _on_arm(s: Signal, *quantities: str) -> bool:
+    return s.channel.location in ("arm", "load") and s.channel.quantity in quantities
+
+
+def _pulse(force: Vector, rate: float) -> float:
+    """Duration of a hit [s]: of what exceeds a tenth of its peak."""
+    size = np.abs(force)
+    return max(float(np.sum(size > 0.1 * size.max())), 2.0) / rate
+
+
 def lab_of(problem: Problem) -> Lab:
     """The laboratory behind a campaign."""
-    accelerometer = arm = hammer = None
-    daq, log, force, pulse = 1000.0, 1000.0, 0.0, 0.006
-    recorded: list[PreparedRun] = sorted(problem.runs, key=lambda r: r.run.experiment)
-    for prepared in recorded:
-        for signal in prepared.run.signals:
-            channel = signal.channel
-            if channel.samples is None:
-                continue
-            here = channel.location in ("arm", "load")
-            if "acceleration" in channel.quantity and here and channel.role == "output":
-                if accelerometer is None or channel.direction == "tangential":
-                    accelerometer, daq = replace(channel, samples=None), signal.sampling_rate
-            elif channel.quantity in ("angle", "position") and here and channel.role == "output":
-                arm = replace(channel, samples=None)
-                daq = daq if accelerometer is not None else signal.sampling_rate
-            elif channel.quantity == "force" and here and prepared.run.experiment == "hammer":
-                hammer = replace(channel, samples=None)
-                samples = np.abs(signal.samples)
-                if samples.size and samples.max() > force:
-                    force = float(samples.max())
-                    pulse = max(float(np.sum(samples > 0.1 * force)), 2.0) / signal.sampling_rate
-            elif channel.location == "motor":
-                log = signal.sampling_rate
-    driven = [run for run in recorded if run.motor is not None and run.motor_moves]
+    output = [s for run in problem.runs for s in run.run.signals if s.channel.samples is not None]
+    accelerometer = _first(problem, lambda s: _on_arm(s, *ACCELERATIONS) and s.channel.role == "output")
+    arm = _first(problem, lambda s: _on_arm(s, "angle", "position") and s.channel.role == "output")
+    hammers = [run for run in problem.runs if run.run.experiment == "hammer"]
+    hits = [s for run in hammers for s in run.run.signals if _on_arm(s, "force") and s.channel.samples is not None]
+    hardest = max(hits, key=lambda s: float(np.max(np.abs(s.samples))), default=None)
+    mechanics = accelerometer or arm
+    log = max((s.sampling_rate for s in output if s.channel.location == "motor"), default=1000.0)
+    driven = [run for run in problem.runs if run.motor is not None and run.motor_moves]
     two = problem.rig.topology == "two-inertia" and problem.rig.motion == "rotational"
     known = problem.rig.motor_inertia is not None and problem.rig.reduction_ratio is not None
-    torque = max(
-        (float(np.ptp(r.motor_half)) / 2.0 for r in driven if r.run.experiment == "torque-sweep"), default=0.0
-    )
-    angles = [run.initial_angle for run in recorded]
+    sweeps = [run for run in driven if run.run.experiment == "torque-sweep"]
+    torque = max((float(np.ptp(run.motor_half)) / 2.0 for run in sweeps), default=0.0)
+    commanded = any(run.command is not None for run in problem.runs)
+
+    def declared(s: Signal | None) -> Channel | None:
+        return None if s is None else replace(s.channel, samples=None)
+
     return Lab(
-        accelerometer=accelerometer,
-        arm=arm,
-        hammer=hammer,
-        daq_rate=daq,
+        accelerometer=declared(accelerometer),
+        arm=declared(arm),
+        hammer=declared(hardest),
+        daq_rate=1000.0 if mechanics is None else mechanics.sampling_rate,
         log_rate=log,
-        pulse=float(np.clip(pulse, 0.002, 0.03)),
-        force=force,
-        angle=float(np.median(angles)) if angles else 0.0,
+        pulse=0.006
+        if hardest is None
+        else float(np.clip(_pulse(hardest.samples, hardest.sampling_rate), 0.002, 0.03)),
+        force=0.0 if hardest is None else float(np.max(np.abs(hardest.samples))),
+        angle=float(np.median([run.initial_angle for run in problem.runs])),
         torque=torque or WIND_UP_SHARE * problem.scales.torque,
-        speed=max(problem.scales.speed if any(r.command is not None for r in recorded) else 0.0, 0.5),
+        speed=max(problem.scales.speed if commanded else 0.0, 0.5),
         drives=two and problem.torque_calibrated and (bool(driven) or known),
         vertical=problem.rig.plane == "vertical" and problem.rig.motion == "rotational",
         ratio=problem.rig.reduction_ratio or 1.0,

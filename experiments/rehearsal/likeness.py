@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.foretelling import unsettled
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key, inflation
 from jointscope.errors import RefusedError
 from jointscope.experiments.rehearsal.bench import SPEED_LOOP_HZ, Programme, Work, carry_out
@@ -288,7 +289,7 @@ def _noise(
     block = noise.blocks.get(block_key(run, output))
     if block is None:
         return np.zeros(clean.size)
-    shown = replace(output, data=clean, mask=np.ones(clean.size, dtype=np.bool_))
+    shown = replace(output, data=unsettled(clean), mask=np.ones(clean.size, dtype=np.bool_))
     white = block.sigma * rng.standard_normal(clean.size + 256)
     coloured = lfilter([1.0], block.ar, white)[256:]
     return np.asarray(coloured * uniform_filter1d(inflation(shown, block), 3))

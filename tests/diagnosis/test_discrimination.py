@@ -76,6 +76,24 @@ def test_near_equals_go_by_the_table_and_nothing_worthwhile_by_nobody():
     assert choose((replace(sweep, expected_gain=0.01),)) is None
 
 
+def test_the_lab_does_not_depend_on_the_order_of_runs(problem):
+    one, other = lab_of(problem), lab_of(replace(problem, runs=problem.runs[::-1]))
+    for name in (
+        "daq_rate",
+        "log_rate",
+        "pulse",
+        "force",
+        "angle",
+        "torque",
+        "speed",
+        "drives",
+        "vertical",
+        "ratio",
+    ):
+        assert getattr(one, name) == getattr(other, name)
+    assert one.accelerometer.radius == other.accelerometer.radius
+
+
 def test_every_planned_take_can_be_foretold(problem):
     lab = lab_of(problem)
     menu = planned(lab)

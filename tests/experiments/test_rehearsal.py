@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.noise import NoiseModel, block_key
 from jointscope.diagnosis.power import Unseen
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
@@ -51,14 +52,23 @@ def test_the_likeness_has_the_rigs_numbers(like, bench):
 
 
 def test_a_rehearsal_of_nothing_repeats_the_recordings(like):
-    again = rehearsed(like, (), 1)
+    again = rehearsed(replace(like, noise=NoiseModel({}, 0.0, 0.0)), (), 1)
     for was, now in zip(like.problem.runs, again.runs, strict=True):
         a, b = channel(was.run, "linear-acceleration"), channel(now, "linear-acceleration")
         assert a.shape == b.shape
-        a, b = a - np.median(a), b - np.median(b)
-        limit = 0.2 if was.mode == "braked" else 0.5  # a sweep's hold is the rehearsed drive's own
-        assert np.sqrt(np.mean((a - b) ** 2)) < limit * np.sqrt(np.mean(a**2))
+        least = 0.97 if was.mode == "braked" else 0.8  # a sweep's hold is the rehearsed drive's own
+        assert np.corrcoef(a, b)[0, 1] > least
         assert [s.channel.column for s in was.run.signals] == [s.channel.column for s in now.signals]
+
+
+def test_the_rehearsed_noise_is_as_loud_as_the_diagnosis_measured(like):
+    quiet, loud = rehearsed(replace(like, noise=NoiseModel({}, 0.0, 0.0)), (), 1), rehearsed(like, (), 1)
+    for run, a, b in zip(like.problem.runs, quiet.runs, loud.runs, strict=True):
+        added = channel(b, "linear-acceleration") - channel(a, "linear-acceleration")
+        assert np.all(np.isfinite(added))
+        output = next(o for o in run.outputs if o.quantity == "linear-acceleration")
+        block = like.noise.blocks[block_key(run, output)]
+        assert np.std(added[-200:]) > 0.5 * block.marginal
 
 
 def test_noise_differs_from_seed_to_seed_and_repeats_with_it(like):
