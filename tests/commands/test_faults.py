@@ -39,6 +39,14 @@ def bench(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(autouse=True)
+def listening():
+    """Python's own answer to Ctrl-C, also where the tests run in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def words_of(command, bench, out):
     campaign = str(bench / "campaign")
     return {
