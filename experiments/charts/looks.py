@@ -35,6 +35,7 @@ LOOKS: dict[str, Look] = {
     "level-3": Look("#6d4fb3", "#b9a4f2", (2, 2), 1.5),
     "level-4": Look("#8a5a00", "#e2b04a", (10, 3, 2, 3, 2, 3), 1.5),
     "motor-order": Look("#c2334d", "#ff8fa0", (5, 4), 1.2),
+    "motor-order-2": Look("#c2334d", "#ff8fa0", (12, 5), 1.2),
     "output-order": Look("#14786e", "#5fd3bf", (1.5, 3), 1.4),
 }
 """By role. ``level-1`` is the weakest excitation."""

@@ -97,21 +97,23 @@ def _drawn(pieces: list[tuple[Trace, Vector]], models: Models, answer: dict[str,
     decibel = 10.0 * np.log10(np.maximum(power / np.nanmax(power), 10.0 ** (_FLOOR / 10.0)))
     rotational = models.problem.rig.motion == "rotational"
     lines = _order_lines(answer, ratio, fastest, top) if rotational else []
-    level = Series(name="resonance", x=np.array([0.0, fastest]), y=np.array([resonance, resonance]), look="noise")
+    springs = any(run.spring for run in models.problem.runs)
+    line = Series(name="resonance", x=np.array([0.0, fastest]), y=np.array([resonance, resonance]), look="noise")
+    level = (line,) if springs else ()
     unit = "rad/s at the output" if rotational else "m/s"
     return Chart(
         stem="residual-orders",
         label=LABEL,
         shows=f"What the base model leaves of {trace.quantity.replace('-', ' ')} at the {trace.location} "
-        f"[{UNITS.get(trace.quantity, 'SI')}], over {len(pieces)} run{'s' if len(pieces) > 1 else ''} in motion: darker is "
-        f"stronger, {-_FLOOR:.0f} dB from lightest to darkest; empty: no recording at that speed."
+        f"[{UNITS.get(trace.quantity, 'SI')}], over {len(pieces)} run{'s' if len(pieces) > 1 else ''} in motion: the fuller the "
+        f"colour the stronger, over {-_FLOOR:.0f} dB; empty: no recording at that speed."
         + ("" if rotational else " No order lines: nothing turns in this rig."),
         reading="a ridge along a line from the origin turns with the motor or the output (cogging, torque ripple, "
         "kinematic error); a ridge at one frequency whatever the speed is a mode or an outside disturbance; most of it at "
         "low speed is friction.",
         panels=(
             Panel(title="Residual spectrum", x_label=f"speed [{unit}]", y_label="frequency [Hz]",
-                  series=(*lines, level), heat=Heat(speeds, frequencies, decibel, "dB"), x_range=(0.0, fastest),
+                  series=(*lines, *level), heat=Heat(speeds, frequencies, decibel, "dB"), x_range=(0.0, fastest),
                   y_range=(0.0, top), height=360),
         ),
     )  # fmt: skip
@@ -133,6 +135,8 @@ def _order_lines(answer: dict[str, Any], ratio: float | None, fastest: float, to
     for look, order, per_output in {(a, round(b, 4)): (a, b, c) for a, b, c in wanted}.values():
         end = min(fastest, 2.0 * np.pi * top / per_output)
         x = np.array([0.0, end])
+        if found and found[-1].look == look:
+            look = "motor-order-2"
         name = f"order {order:g} of the {'motor' if look == 'motor-order' else 'output'}"
         found.append(Series(name=name, x=x, y=per_output * x / (2.0 * np.pi), look=look))
     return found

@@ -21,6 +21,7 @@ from jointscope.experiments.diagnosis_report.wording import (
     trade_unit,
     verdict_sentence,
 )
+from jointscope.experiments.own_model.sections import simulation_sections
 from jointscope.experiments.page import FirstScreen, page
 from jointscope.experiments.provenance import provenance_section
 
@@ -69,7 +70,7 @@ def write_report(models: Models, answer: dict[str, Any], free: Free, folder: Pat
     traces = gather(models, free)
     sliding = models.problem.rig.motion == "translational"
     sections = (
-        *tables.simulation(answer),
+        *simulation_sections(answer),
         *evidence(models, traces, answer, folder),
         *tables.errors(answer),
         tables.ranking(answer, sliding=sliding),

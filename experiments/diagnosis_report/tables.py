@@ -12,15 +12,9 @@ from jointscope.experiments.diagnosis_report.wording import (
     interval,
     trade_unit,
 )
-from jointscope.experiments.own_model.sections import simulation_sections
 from jointscope.experiments.page import Section, Table
 
 RANKED = 10  # rows of the ranking that are shown; diagnosis.json holds more
-
-
-def simulation(answer: Mapping[str, Any]) -> list[Section]:
-    """The four shares of held-out error, where the answer has them: first among the tables."""
-    return list(simulation_sections(answer))
 
 
 def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:
@@ -42,7 +36,8 @@ def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:
     if inside is False:
         notes.insert(
             0,
-            "These recordings lie outside the range in which the probabilities were calibrated: read the order, not them.",
+            "These recordings lie outside the range in which the probabilities were calibrated"
+            f"{_because(calibration)}: read the order, not them.",
         )
     elif inside:
         notes.insert(0, "These recordings lie inside the range in which the probabilities were calibrated.")
@@ -52,6 +47,10 @@ def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:
         table=Table(columns=("left out", "effect@location", "probability [-]", "score [nats]"), rows=rows),
         notes=tuple(notes),
     )
+
+
+def _because(calibration: Mapping[str, Any]) -> str:
+    return f" ({calibration['reason']})" if calibration.get("reason") else ""
 
 
 def parameters(answer: Mapping[str, Any]) -> Section:
@@ -169,18 +168,36 @@ def _fit(value: float | None) -> str:
 
 
 def not_seen(answer: Mapping[str, Any]) -> list[Section]:
-    """What these recordings could not have shown."""
+    """The sizes that these recordings would have shown, of every effect that was not found."""
     found = answer.get("not_seen")
     if not found:
         return []
+    rows = tuple(
+        (
+            called(f"{row['effect']}@{row['location']}"),
+            field_name(f"{row['effect']}@{row['location']}", row["parameter"])
+            or str(row["parameter"]).replace("_", " "),
+            _size(row["size"], row["unit"]),
+            str(row["sentence"] or row["reason"] or ""),
+        )
+        for row in found
+    )
     return [
         Section(
             heading="What could not be seen",
             text=("Effects below these sizes would have gone unnoticed in these recordings; that none is named says nothing "
                   "about them.",),
-            table=plain_table(found),
+            table=Table(columns=("effect", "in the field", "would show from", ""), rows=rows),
         )
     ]  # fmt: skip
+
+
+def _size(size: float | None, unit: str) -> str:
+    if size is None:
+        return "at no size"
+    other = trade_unit(unit)
+    text = figure(size) + ("" if unit == "1" else f" {unit}")
+    return text if other is None else f"{figure(size * other[1])} {other[0]} ({text})"
 
 
 def menu(answer: Mapping[str, Any]) -> list[Section]:

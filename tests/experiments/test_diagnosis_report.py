@@ -250,9 +250,19 @@ def test_plain_data_of_any_shape_becomes_a_table(value):
 
 def test_outside_the_calibrated_range_the_ranking_says_so():
     row = {"effects": ["backlash@transmission"], "probability": 0.9, "score": 3.0}
+    outside = {"in_domain": False, "reason": "the rates differ"}
     asked = answer("effects", effects=[PLAY | {"evidence": ""}]) | {"ranking": [row]}
-    assert "outside" in str(tables.ranking(asked | {"calibration": {"in_domain": False}}, sliding=False).notes)
+    told = str(tables.ranking(asked | {"calibration": outside}, sliding=False).notes)
+    assert "outside" in told and "the rates differ" in told
     assert "outside" not in str(tables.ranking(asked, sliding=False).notes)
+
+
+def test_what_could_not_be_seen_is_told_in_the_trades_unit():
+    row = {"effect": "backlash", "location": "transmission", "parameter": "gap", "size": math.radians(0.2 / 60.0),
+           "unit": "rad", "sentence": None, "reason": "the weight closes it"}  # fmt: skip
+    (section,) = tables.not_seen({"not_seen": [row]})
+    assert "0.200 arcmin" in str(section.table.rows) and "the weight closes it" in str(section.table.rows)
+    assert tables.not_seen({"not_seen": []}) == []
 
 
 def test_markup_stands_in_the_page_as_it_is_and_text_is_escaped():
