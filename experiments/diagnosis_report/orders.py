@@ -131,7 +131,7 @@ def _order_lines(answer: dict[str, Any], ratio: float | None, fastest: float, to
             wanted.append(
                 ("motor-order" if per_motor else "output-order", order["value"], order["value"] * factor)
             )
-    found = []
+    found: list[Series] = []
     for look, order, per_output in {(a, round(b, 4)): (a, b, c) for a, b, c in wanted}.values():
         end = min(fastest, 2.0 * np.pi * top / per_output)
         x = np.array([0.0, end])
