@@ -46,7 +46,7 @@ def test_play_turns_by_the_gap_before_the_other_flank_bears() -> None:
     plain, _ = held_with(case)
     k = held.arm.index(JOINT)
     dof = int(held.reducer[k])
-    push = -4.0 * float(rest.torque[k])  # beyond unloading: the other flank carries three times the weight
+    push = 4.0 * float(rest.torque[k])  # against the weight: the other flank then carries three times it
 
     def pushed(arm: HeldArm) -> float:
         import mujoco
