@@ -36,8 +36,8 @@ Real = NDArray[np.float64]
 Report = Callable[[str], None]
 
 SURE = 3.0  # standard errors by which a value must be off before it is changed
-MATERIAL = 0.03  # of the error that remains with all changes, by which it must rise without one
-SMALLEST = 5e-4  # of the signal's RMS: a change that gains less is none
+MATERIAL = 0.05  # of the error that remains with all changes, by which it must rise without one
+SMALLEST = 1e-3  # of the signal: a change that gains less is none
 PER_STRATUM = 2  # runs of each kind that are stepped for every variant
 
 
