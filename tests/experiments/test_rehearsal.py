@@ -56,8 +56,9 @@ def test_a_rehearsal_of_nothing_repeats_the_recordings(like):
     for was, now in zip(like.problem.runs, again.runs, strict=True):
         a, b = channel(was.run, "linear-acceleration"), channel(now, "linear-acceleration")
         assert a.shape == b.shape
-        least = 0.97 if was.mode == "braked" else 0.8  # a sweep's hold is the rehearsed drive's own
-        assert np.corrcoef(a, b)[0, 1] > least
+        if was.mode == "braked":  # nothing but the recording's own noise, seen in its tail, is left
+            assert np.std(a - b) < 1.2 * np.std(a[-200:]) + 0.05 * np.std(a)
+        assert np.corrcoef(a, b)[0, 1] > 0.85
         assert [s.channel.column for s in was.run.signals] == [s.channel.column for s in now.signals]
 
 
