@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 SURE_ENOUGH = 0.84  # standard normal quantile of a detection in 80 % of repetitions
-MARGIN = 1.0  # on both gates, calibrated by injections (experiments.prove.power_check)
+MARGIN = 1.0  # on both gates; not yet fitted: experiments.prove.power_check is what would set it
 HITS, OTHERS = 2, 1  # runs of each kind that stand for all
 PASSES = 2  # steps of the interpolation
 REACH = 30.0  # times beyond the catalogue's small and large sizes that a size is sought
