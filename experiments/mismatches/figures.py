@@ -85,7 +85,7 @@ def _ratios(axes: Axes, told: Told) -> None:
 
 def _damping(axes: Axes, told: Told) -> None:
     assert told.identified is not None
-    found = told.diagnosis["parameters"]["damping"]
+    found = told.damping
     rows = [
         ("concealed truth", told.mismatch.rig.joint.damping, None, QUIET),
         ("paper's method", told.identified["value"], told.identified["interval95"], PREDICTED),

@@ -37,7 +37,7 @@ def reproduce_mismatches(out: Path, *, quick: bool, seed: int) -> int:
 def _closer(told: Told) -> bool:
     if told.identified is not None:
         true = told.mismatch.rig.joint.damping
-        found = told.diagnosis["parameters"]["damping"]["value"]
+        found = told.damping["value"]
         return bool(abs(found - true) < abs(told.identified["value"] - true))
     return told.error("after") < told.error("before")
 
@@ -53,7 +53,7 @@ def _numbers(told: Told) -> dict[str, Any]:
                      for key in ("base_error", "augmented_error", "noise_floor")},
         "damping": None if told.identified is None else {
             "concealed": told.mismatch.rig.joint.damping, "paper_method": told.identified,
-            "diagnosed": told.diagnosis["parameters"]["damping"],
+            "diagnosed": told.damping,
         },
     }  # fmt: skip
 
@@ -93,7 +93,7 @@ def page(done: list[Told]) -> str:
 def _figure(told: Told, which: str) -> str:
     if told.identified is not None:
         reference = told.mismatch.rig.joint.damping
-        found = told.identified if which == "before" else told.diagnosis["parameters"]["damping"]
+        found = told.identified if which == "before" else told.damping
         return f"c = {found['value']:.1f} N m s/rad ({100 * (found['value'] / reference - 1):+.0f} %)"
     return f"bias {told.bias(which):+.2f} dB, error {told.error(which):.2f} dB"
 

@@ -74,6 +74,16 @@ class Told:
         """Whether all that was concealed was named, and nothing else."""
         return self.said == tuple(sorted(cause.label for cause in self.mismatch.causes))
 
+    @property
+    def damping(self) -> Mapping[str, Any]:
+        """Diagnosed c with its interval [N m s/rad]; where only c + b_l could be told, that less the true b_l."""
+        parameters = self.diagnosis["parameters"]
+        if "damping" in parameters:
+            return dict(parameters["damping"])
+        found, b_l = parameters["damping_total"], self.mismatch.rig.joint.load_damping
+        low, high = found["interval95"]
+        return {**found, "value": found["value"] - b_l, "interval95": [low - b_l, high - b_l]}
+
     def bias(self, which: str) -> float:
         """Predicted over measured in the stated band, mean over the held-out runs [dB]; ``before`` or ``after``."""
         return float(np.mean([getattr(curve, f"score_{which}").bias for curve in self.curves]))
