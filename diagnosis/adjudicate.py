@@ -162,7 +162,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
         everything = [_viewed(objective, h) for h in everything]
         leading = sorted(everything[1:], key=lambda h: h.loss)[:POLISHED]
         parts = [h for h in everything if any(set(h.names) < set(lead.names) for lead in leading)]
-        again = {id(h) for h in (*leading, *parts)}
+        again = {id(h) for h in (everything[0], *leading, *parts)}
         everything = [_polished(objective, h) if id(h) in again else h for h in everything]
         before, best = best, min(everything, key=lambda h: h.loss)
         if best.names == before.names:

@@ -105,7 +105,7 @@ def envelope(output: Output) -> Vector:
         return np.full(len(output.data), level)
     window = max(3, round(output.rate * ENVELOPE_WINDOW))
     centred = output.data - np.median(output.data[output.mask]) if output.mask.any() else output.data
-    return np.asarray(np.sqrt(uniform_filter1d(np.square(centred), window, mode="nearest")))
+    return np.asarray(np.sqrt(np.maximum(uniform_filter1d(np.square(centred), window, mode="nearest"), 0.0)))
 
 
 def inflation(output: Output, noise: BlockNoise) -> Vector:
