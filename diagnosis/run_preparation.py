@@ -22,7 +22,9 @@ Vector = NDArray[np.float64]
 GRID_RATE = 4000.0  # Hz; the simulation grid is at least this fine
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
 SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
-COARSE = 0.5  # of a signal's dynamic rms: steps of a recorder above which its error follows the signal and is no noise
+COARSE = (
+    0.5  # of a signal's dynamic rms: steps of a recorder above which its error follows the signal and is no noise
+)
 _TAIL = 8  # samples left out at the end, where the anti-aliasing kernel looks past the record
 INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
 

@@ -70,7 +70,7 @@ def _spec(
         law=law,
         revealed_by=revealed_by,
         look_alikes=look_alikes,
-        apply=apply,  # type: ignore[arg-type]
+        apply=apply,
         scale=lambda problem: scale,
         starts=one_start if starts == ((),) else lambda problem: starts,
         possible=lambda problem: None,

@@ -20,7 +20,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit  # type: ignore[import-untyped]
+from numba import njit
 
 (
     STIFFNESS, DAMPING, ROTOR_INERTIA, ROTOR_DAMPING, DRIVE_STIFFNESS, DRIVE_DAMPING, COULOMB, BREAKAWAY,
@@ -31,7 +31,7 @@ COLUMNS = 16  # of a joint's row
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True, inline="always")  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, inline="always")
 def _spring(wind_up: float, p: Any) -> float:  # noqa: ANN401 - a numba array
     half = 0.5 * p[GAP]
     d = wind_up
@@ -45,27 +45,27 @@ def _spring(wind_up: float, p: Any) -> float:  # noqa: ANN401 - a numba array
     torque = p[STIFFNESS] * d + p[CUBIC] * d * d * d
     if p[SOFT_SHARE] != 0.0:
         torque -= p[SOFT_SHARE] * p[STIFFNESS] * p[SOFT_WIDTH] * math.tanh(d / p[SOFT_WIDTH])
-    return torque
+    return float(torque)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def reducer_torque(wind_up: float, rate: float, p: Any) -> float:  # noqa: ANN401
     """T_S of a joint with parameter row ``p`` at a wind-up [rad] and its rate [rad/s]."""
     torque = _spring(wind_up, p)
     if p[GAP] > 0.0 and abs(wind_up) < 0.5 * p[GAP]:
-        return torque + p[GAP_DAMPING] * p[DAMPING] * rate
-    return torque + p[DAMPING] * rate
+        return float(torque + p[GAP_DAMPING] * p[DAMPING] * rate)
+    return float(torque + p[DAMPING] * rate)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def dry_limit(v: float, p: Any) -> float:  # noqa: ANN401
     """Dry friction's size at a speed [N m]: T_c + (T_b - T_c) exp(-(v/v_s)^2)."""
     if p[BREAKAWAY] > p[COULOMB]:
-        return p[COULOMB] + (p[BREAKAWAY] - p[COULOMB]) * math.exp(-((v / p[STRIBECK_SPEED]) ** 2))
-    return p[COULOMB]
+        return float(p[COULOMB] + (p[BREAKAWAY] - p[COULOMB]) * math.exp(-((v / p[STRIBECK_SPEED]) ** 2)))
+    return float(p[COULOMB])
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _rates(
     x: Any, dx: Any, m: int, P: Any, kind: Any, slip: Any, inverse: Any, gravity: Any, slope: Any,  # noqa: ANN401
     product: Any, k: int, hit: Any, force: float, torque: float, tied: float, tie: float,  # noqa: ANN401
@@ -106,7 +106,7 @@ def _rates(
         dx[m + i] = total
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _directions(
     x: Any, m: int, P: Any, kind: Any, slip: Any, torque: float, tied: float, tie: float,  # noqa: ANN401
 ) -> None:  # fmt: skip
@@ -132,7 +132,7 @@ def _directions(
             slip[i] = 1 if net >= 0.0 else -1
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def travel(
     inverses: Any, gravities: Any, slopes: Any, products: Any, motions: Any, tilts: Any, biases: Any,  # noqa: ANN401
     statics: Any, hit: Any, k: int, low: float, spacing: float, P: Any, kind: Any, driven: int, force: Any,  # noqa: ANN401
@@ -211,7 +211,7 @@ def travel(
     return True
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def shake(
     transition: Any, start: Any, middle: Any, end: Any, u: Any, hold: Any, ramp: Any, springs: Any, rates: Any,  # noqa: ANN401
     P: Any, joints: Any, hold_dry: Any, speeds: Any, dry_joints: Any, C: Any, D: Any, F: Any, readings: Any,  # noqa: ANN401

@@ -57,9 +57,9 @@ def response(run: ArmRun, figures: Figures, mask: NDArray[np.bool_], hz: Vector)
         sign = np.array([[1.0, -1.0], [-1.0, 1.0]])[: len(places), : len(places)]
         K[np.ix_(places, places)] += figures.stiffness[j] * sign
         C[np.ix_(places, places)] += figures.damping[j] * sign
-    for r, j in enumerate(turning):
-        M[m + r, m + r] = figures.rotor_inertia[j]
-        C[m + r, m + r] += figures.rotor_damping[j]
+    for r, turned in enumerate(turning):
+        M[m + r, m + r] = figures.rotor_inertia[turned]
+        C[m + r, m + r] += figures.rotor_damping[turned]
         if run.kinds[j] == kernel.HELD:
             C[m + r, m + r] += figures.drive_damping[j]
             K[m + r, m + r] += figures.drive_stiffness[j]

@@ -36,13 +36,13 @@ def joint_motion(run: ArmRun, theta: Vector, problem: ArmProblem) -> tuple[Vecto
         K[np.ix_(places, places)] += P[j, kernel.STIFFNESS] * sign
         C[np.ix_(places, places)] += P[j, kernel.DAMPING] * sign
     force = np.zeros(size)
-    for r, j in enumerate(turning):
-        M[m + r, m + r] = P[j, kernel.ROTOR_INERTIA]
-        C[m + r, m + r] += P[j, kernel.ROTOR_DAMPING]
-        if run.kinds[j] == kernel.HELD:
-            C[m + r, m + r] += P[j, kernel.DRIVE_DAMPING]
-            K[m + r, m + r] += P[j, kernel.DRIVE_STIFFNESS]
-        if j == run.driven and run.load is None:
+    for r, k in enumerate(turning):
+        M[m + r, m + r] = P[k, kernel.ROTOR_INERTIA]
+        C[m + r, m + r] += P[k, kernel.ROTOR_DAMPING]
+        if run.kinds[k] == kernel.HELD:
+            C[m + r, m + r] += P[k, kernel.DRIVE_DAMPING]
+            K[m + r, m + r] += P[k, kernel.DRIVE_STIFFNESS]
+        if k == run.driven and run.load is None:
             force[m + r] = 1.0
     if run.load is not None:
         force[:m] = run.plant.hit[links]

@@ -95,7 +95,7 @@ class Plant:
 
             self._cache[key] = Reduced(
                 j,
-                tight(np.linalg.inv(self.mass[square])),
+                tight(np.asarray(np.linalg.inv(self.mass[square]), dtype=np.float64)),
                 tight(self.gravity[:, j]),
                 tight(self.slope[square]),
                 tight(self.product[square]),

@@ -6,6 +6,7 @@ Nothing is read from titles, notes, ids, file or column names, or from the order
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +153,6 @@ def _with_sizes(problem: ArmProblem) -> ArmProblem:
     """Typical speeds, wind-ups and torques of every joint under the base's start."""
     from jointscope.diagnosis.arm.predict import peaks
 
-    found = [peaks(run, problem.base.start, problem) for run in problem.runs]
+    found = [peaks(cast("ArmRun", run), problem.base.start, problem) for run in problem.runs]
     speed, wind_up, torque = (np.max([f[i] for f in found], axis=0) for i in range(3))
     return replace(problem, rotor_speed=speed, wind_up=wind_up, torque=torque)

@@ -61,14 +61,14 @@ def small_motion(
     reads = np.zeros((m, size))
     for i in range(m):
         reads[i, i] = -1.0
-    for r, i in enumerate(turning):
-        reads[i, m + r] = 1.0
-        inverse[m + r, m + r] = 1.0 / P[i, kernel.ROTOR_INERTIA]
-        C[m + r, m + r] = P[i, kernel.ROTOR_DAMPING]
-        if kinds[i] == kernel.HELD:
-            C[m + r, m + r] += P[i, kernel.DRIVE_DAMPING]
-            K[m + r, m + r] += P[i, kernel.DRIVE_STIFFNESS]
-        elif kinds[i] == kernel.DRIVEN:
+    for r, k in enumerate(turning):
+        reads[k, m + r] = 1.0
+        inverse[m + r, m + r] = 1.0 / P[k, kernel.ROTOR_INERTIA]
+        C[m + r, m + r] = P[k, kernel.ROTOR_DAMPING]
+        if kinds[k] == kernel.HELD:
+            C[m + r, m + r] += P[k, kernel.DRIVE_DAMPING]
+            K[m + r, m + r] += P[k, kernel.DRIVE_STIFFNESS]
+        elif kinds[k] == kernel.DRIVEN:
             C[m + r, m + r] += tie_rate
             K[m + r, m + r] += tie
     K += reads.T @ (P[:, kernel.STIFFNESS, None] * reads)

@@ -81,13 +81,13 @@ def response_peaks(
             u = drive.signal(output.times)
             pooled.setdefault(key, []).append((u - np.mean(u[-8:]), np.where(output.mask, r, 0.0), output.rate))
     total = np.zeros(grid.size)
-    for rows in pooled.values():
-        size = 2 ** int(np.ceil(np.log2(max(r.size for _, r, _ in rows))))
-        spectra = [(np.fft.rfft(u, size), np.fft.rfft(r, size)) for u, r, _ in rows]
+    for takes in pooled.values():
+        size = 2 ** int(np.ceil(np.log2(max(r.size for _, r, _ in takes))))
+        spectra = [(np.fft.rfft(u, size), np.fft.rfft(r, size)) for u, r, _ in takes]
         cross = np.abs(sum(np.conj(u) * e for u, e in spectra)) ** 2
         power = np.asarray(sum(np.abs(u) ** 2 for u, _ in spectra))
         coherent = cross / (power + 1e-6 * power.max())
-        f = np.fft.rfftfreq(size, 1.0 / rows[0][2])
+        f = np.fft.rfftfreq(size, 1.0 / takes[0][2])
         density = np.interp(grid, f, uniform_filter1d(coherent, 3), right=0.0)
         background = median_filter(density, size=201, mode="nearest") + 1e-3 * density.mean() + 1e-300
         total += np.minimum(density / background, 1e3)

@@ -68,7 +68,9 @@ def _rate(problem: Problem) -> float:
     )
 
 
-BEYOND_THE_JOINT = 2.5  # times the joint's resonance: nobody mounts a sensor that is slower than what it is to show
+BEYOND_THE_JOINT = (
+    2.5  # times the joint's resonance: nobody mounts a sensor that is slower than what it is to show
+)
 
 
 def _resonance_sizes(problem: Problem) -> tuple[float, float, float]:

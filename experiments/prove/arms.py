@@ -73,7 +73,7 @@ def judge_arm(truth: Mapping[str, Any], answer: Answer) -> JudgedArm:
     """Score one case."""
     said = answer.diagnosis or {}
     verdict = str(said.get("verdict", answer.status))
-    named = said.get("effects", ()) if verdict == "effects" else ()
+    named = list(said.get("effects", ())) if verdict == "effects" else []
     known = tuple(sorted(label(e) for e in truth["effects"]))
     error = None
     if len(named) == 1 and tuple(label(e) for e in named) == known:

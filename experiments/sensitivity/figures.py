@@ -81,7 +81,15 @@ def frf_chart(study: Study) -> Chart:
             Series(name="nominal", x=f, y=middle, look="recorded"),
         )
         panels.append(
-            Panel(title=title, x_label="frequency [Hz]", y_label=unit, series=series, y_log=True, link="f", height=270)
+            Panel(
+                title=title,
+                x_label="frequency [Hz]",
+                y_label=unit,
+                series=series,
+                y_log=True,
+                link="f",
+                height=270,
+            )
         )
     varied = ", ".join(factor.name.replace("_", " ") for factor in study.factors)
     return Chart(

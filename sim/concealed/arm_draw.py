@@ -74,7 +74,8 @@ def make_arm_case(order: ArmOrder, index: int, directory: Path) -> dict[str, Any
     wish = None if null else str(what.choice([w for w, _ in WISHES], p=np.array([p for _, p in WISHES])))
     hidden = str(what.choice(NEIGHBOURS)) if wish == "neighbour-flexibility" else None
     bench = draw_arm_bench(bench_rng, hidden)
-    effects, share = (), 0.0
+    effects: tuple[ArmEffect, ...] = ()
+    share = 0.0
     if wish is not None:
         effects, share = _chosen(wish, bench, what)
     takes = rehearse_arm(bench, effects, run_rng)

@@ -191,7 +191,11 @@ def carriage(builders, friction=20.0, mass=95.0, viscous=200.0, rate=500.0, dura
 def test_a_free_carriage_is_observed_and_its_friction_fits(builders):
     """Position out, force in: no spring, no gravity; the true friction leaves a hundredth of the base's innovation."""
     problem = prepare(carriage(builders))
-    assert problem.runs[0].mode == "observer" and free(problem) == {"load_inertia", "load_damping", "torque_offset"}
+    assert problem.runs[0].mode == "observer" and free(problem) == {
+        "load_inertia",
+        "load_damping",
+        "torque_offset",
+    }
     assert start(problem, "load_inertia") == pytest.approx(95.0, rel=0.05)
     theta = problem.theta(load_inertia=95.0, load_damping=200.0)
     coulomb = next(

@@ -154,7 +154,7 @@ def test_shares_add_up_and_name_what_only_one_side_has(monkeypatch: pytest.Monke
     assert told["shares"]["numerics"] is None
     assert found.parameters["stiffness"]["differs"]
     assert any("can't be told" in line for line in told["not_told"])
-    assert [s.heading for s in simulation_sections({"simulation": told})][0] == "Your simulation"
+    assert next(s.heading for s in simulation_sections({"simulation": told})) == "Your simulation"
 
 
 def test_a_simulation_that_behaves_like_the_machine_has_no_share(monkeypatch: pytest.MonkeyPatch) -> None:
