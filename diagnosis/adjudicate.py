@@ -33,6 +33,7 @@ Kind = tuple[object, ...]
 
 REAL = 25.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
 REAL_FURTHER = 30.0  # the same of any further effect, which has the rest of an imperfect law to feed on
+REAL_SORTED = 300.0  # of effects whose runs were sorted by what all runs say, held-out ones too
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 OF_PARENT = 0.03  # and of the parent's own gain over the base
 IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
@@ -288,6 +289,12 @@ def standing(judgement: Judgement) -> list[Judged]:
         alone = max((len(p.names) for p in parts), default=0) + 1 < len(child.names)
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself
-        if parts and all(compare(judgement, part, child).stands for part in parts):
+        if any(not compare(judgement, part, child).stands for part in parts):
+            continue
+        sorted_runs = [spec.name for spec in child.hypothesis.specs if spec.run_weights is not None]
+        without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]
+        if sorted_runs and any(compare(judgement, part, child).gain < REAL_SORTED for part in without):
+            continue
+        if parts:
             found.append(child)
     return sorted(found, key=lambda j: -score(judgement, j))

@@ -54,13 +54,15 @@ BRANCH_0 = 85  # five branches of (stiffness, relaxation time)
 TABLE_LOW, TABLE_STEP, TABLE_0 = 95, 96, 97  # a law as torque [N m] at nodes of a variable
 N_NODES = 9
 C_SIDED = 106  # viscous damping more in positive motion and less in negative [N m s/rad]
-N_P = 107
+PRE_TORQUE, PRE_ANGLE = 107, 108  # dry friction with presliding: torque [N m], angle over which it builds up [rad]
+N_P = 109
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
 MOTOR, HYST_KIND, N_TE, N_RIPPLE, FRICTION_M, FRICTION_L, LOAD_PRESCRIBED = 7, 8, 9, 10, 11, 12, 13
 TABLE_SITE, TABLE_OF = 14, 15
-N_S = 16
+PRE_SITE = 16
+N_S = 17
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
 DAHL, BOUC_WEN, MAXWELL_SLIP = 1, 2, 3
 AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
@@ -240,6 +242,8 @@ def _rates_source(
     force_m = tau - T - P[B_M] * v_s
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
+    if S[PRE_SITE] == AT_MOTOR:
+        force_m -= P[PRE_TORQUE] * _loop(mem[9], q_s - mem[8], P[PRE_ANGLE], DAHL)
     level_m = P[FM_LOAD] * abs(T)
     a_s = 0.0
     if motor == MOTOR_HELD:
@@ -278,6 +282,8 @@ def _rates_source(
     force_l = T + ul - P[B_L] * v - P[G_CONST]
     if S[TABLE_SITE] == AT_LOAD:
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
+    if S[PRE_SITE] == AT_LOAD:
+        force_l -= P[PRE_TORQUE] * _loop(mem[9], q - mem[8], P[PRE_ANGLE], DAHL)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
         d = q + beta - mem[5]
         if abs(d) > _TURN:
@@ -441,7 +447,9 @@ def _simulate_full(
     m = S[N_X]
     k1, k2, xt, total, xn = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
     aux, ahead = np.zeros(_N_AUX), np.zeros(_N_AUX)
-    mem = np.zeros(8)
+    mem = np.zeros(10)
+    pre = 0 if S[PRE_SITE] == AT_MOTOR else 2
+    mem[8] = x[pre]
     mem[5] = 1e9  # angle about which weight is expanded; none yet
     mem[0] = _windup_of(x, P, S, y[0])
     hyst = S[HYST_KIND] != 0
@@ -520,6 +528,9 @@ def _simulate_full(
             # the event itself, at fraction target
             if hyst:
                 _remember(P, S, mem, _windup_of(xn, P, S, _at(y, k, target)))
+            if S[PRE_SITE] != 0:
+                mem[9] = _loop(mem[9], xn[pre] - mem[8], P[PRE_ANGLE], DAHL)
+                mem[8] = xn[pre]
             for i in range(m):
                 x[i] = xn[i]
             s, target = target, 1.0
@@ -543,6 +554,9 @@ def _simulate_full(
                 break
         if hyst:
             _remember(P, S, mem, _windup_of(xn, P, S, y[2 * k + 2]))
+        if S[PRE_SITE] != 0:
+            mem[9] = _loop(mem[9], xn[pre] - mem[8], P[PRE_ANGLE], DAHL)
+            mem[8] = xn[pre]
         for i in range(m):
             x[i] = xn[i]
     j = 2 * n
@@ -874,7 +888,7 @@ def simulate(
     """
     modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
     scalar = S[N_X] == 4 + 2 * modes and modes <= 1 and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
-    if not scalar:
+    if not scalar or S[PRE_SITE] != 0:
         _simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)

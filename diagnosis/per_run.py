@@ -29,6 +29,7 @@ Vector = NDArray[np.float64]
 PARTED = 4.0  # distance of two groups over the scatter within, or over the median standard error
 SOFTENED = 0.2  # of all scatter, below which no run's own standard error is believed
 SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
+TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are
 FEWEST = 4  # runs
 
 
@@ -102,6 +103,8 @@ def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
         stiffness, error = run_steps(stage, "stiffness")
         known = np.isfinite(error)
+        if known.any():
+            known &= error <= TELLING * np.quantile(error[known], 0.25)
         if known.sum() >= FEWEST and np.std(stiffness[known]) > SPREAD * np.median(error[known]):
             ranks = np.zeros(len(stiffness))
             ranks[known] = np.argsort(np.argsort(stiffness[known])) - 0.5 * (known.sum() - 1)

@@ -106,7 +106,7 @@ def decide(judgement: Judgement) -> Decision:
 def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:
     """The same answer with the measured force as the model that is handed on, where that force carries over."""
     against = compare(judgement, decision.chosen, table)
-    if math.isnan(against.held_gain) or against.held_gain <= 0.0:
+    if math.isnan(against.held_gain) or not against.stands:
         return decision
     return replace(decision, chosen=table)
 

@@ -2,6 +2,7 @@ r"""Dry friction at motor or arm, friction that grows with load, and drag.
 
     T_f = T (1 +- asymmetry) sgn(w)                                     Coulomb
     T_f = T sgn(w) and viscous damping b (1 +- viscous_asymmetry)       Coulomb, beside an input of unknown zero
+    dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
     T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
     T_f = mu |T_S| sgn(w)                                               load-dependent
     T_f = c_q w |w|                                                     quadratic
@@ -61,6 +62,30 @@ def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
     torque, share = values
     _dry(assembly, "load", torque, torque)
     assembly.P[kernel.C_SIDED] += share * assembly.P[kernel.B_L]
+
+
+def _presliding(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values
+        assembly.S[kernel.PRE_SITE] = kernel.AT_MOTOR if location == "motor" else kernel.AT_LOAD
+
+    return apply
+
+
+def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
+    return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in (0.03, 0.15))
+
+
+def _presliding_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    wind_up = max(problem.scales.wind_up, 1e-9)
+    return {**_torque_limits(problem), "presliding": (1e-3 * wind_up, 3.0 * wind_up)}
+
+
+def _elastic_and_moving(problem: Problem) -> str | None:
+    """With the motor held it is the transmission's hysteresis, and there it is looked for."""
+    if not any(run.spring for run in problem.runs):
+        return "the rig has no elastic transmission"
+    return needs_motor(problem)
 
 
 def _stribeck(location: str, exponent: float) -> Apply:
@@ -190,6 +215,24 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
     )
 
 
+def _presliding_spec(location: Location) -> EffectSpec:
+    return EffectSpec(
+        name="coulomb-friction",
+        location=location,
+        variant="presliding",
+        family="dissipative",
+        parameters=(_TORQUE, ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)),
+        law="dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
+        revealed_by=("speed-motion", "torque-sweep"),
+        look_alikes=_ALIKE,
+        apply=_presliding(location),
+        scale=_sizes(location),
+        starts=_presliding_angles,
+        possible=_elastic_and_moving,
+        limits=_presliding_limits,
+    )
+
+
 def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
     return tuple(
         EffectSpec(
@@ -223,6 +266,8 @@ def _share_sizes(problem: Problem) -> tuple[float, float, float]:
 SPECS: tuple[EffectSpec, ...] = (
     *_coulomb_specs("motor"),
     *_coulomb_specs("load"),
+    _presliding_spec("motor"),
+    _presliding_spec("load"),
     *_stribeck_specs("motor"),
     *_stribeck_specs("load"),
     *(

@@ -367,3 +367,18 @@ def test_observer_follows_the_rigid_body_and_leaves_the_wind_up_alone():
     _t, out = run(P, S, y=lambda t: np.full(t.size, 0.1))
     assert out[-1, k.X_QS] == pytest.approx(0.1, abs=1e-6)
     assert np.abs(out[:, k.X_QS] - out[:, k.X_Q]).max() < 1e-12
+
+
+def test_presliding_friction_builds_up_over_its_angle_and_tends_to_coulombs():
+    """From rest a travel d is met by T (1 - exp(-d/y)); with y far below the motion the ring-down is Coulomb's."""
+    T, y = 30.0, 1e-3
+    P, S = packed(K=0.0, J_L=1e3, PRE_TORQUE=T, PRE_ANGLE=y)
+    S[k.PRE_SITE] = k.AT_LOAD
+    t, out = run(P, S, x=(0, 0, 0, 0.05), duration=0.2)
+    q, a = out[:, k.X_Q], out[:, k.X_A]
+    assert np.allclose(-1e3 * a, T * (1.0 - np.exp(-q / y)), atol=1e-3 * T)
+    P, S = packed(PRE_TORQUE=4.0, PRE_ANGLE=2e-7)
+    S[k.PRE_SITE] = k.AT_LOAD
+    _, soft = run(P, S, x=(0, 0, 1e-3, 0), duration=0.3, rate=16384.0)
+    _, dry = run(*packed(FRICTION_L=1, FL_PLUS=4.0, FL_MINUS=4.0), x=(0, 0, 1e-3, 0), duration=0.3, rate=16384.0)
+    assert np.max(np.abs(soft[:, k.X_Q] - dry[:, k.X_Q])) < 2e-5
