@@ -53,11 +53,11 @@ def split_arm(root: ET.Element, setting: Setting, share: float, hinges: list[tup
 
 
 def under_the_rig(root: ET.Element, name: str, mass: float, inertia: float, joint: dict[str, str]) -> None:
-    """Put a body with one joint between the world and the rig."""
-    world = section(root, "worldbody")
+    """Put a body with one joint between the rig and what it stands on."""
     motor = find(root, "body", "motor")
-    world.remove(motor)
-    body = ET.SubElement(world, "body", name=name)
+    ground = next(e for e in root.iter() if motor in list(e))  # the world, or another mount
+    ground.remove(motor)
+    body = ET.SubElement(ground, "body", name=name)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(mass), diaginertia=words(inertia, inertia, inertia))
     body.insert(0, ET.Element("joint", {"name": name, **joint}))
     body.append(motor)
