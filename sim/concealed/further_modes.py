@@ -9,7 +9,7 @@ import numpy as np
 
 from jointscope.sim.concealed.engine import SHAKE, Real, Slot, T
 from jointscope.sim.concealed.law import EVERY_DRAW, OPEN_DRAWS, InLoop, Install, Law, Moment, Setting, Values
-from jointscope.sim.concealed.mjcf import find, number, section, words
+from jointscope.sim.concealed.mjcf import find, number, words
 
 
 def shaken(p: Real, x: Real, s: Real, f: Real) -> None:

@@ -374,7 +374,7 @@ def test_presliding_friction_builds_up_over_its_angle_and_tends_to_coulombs():
     T, y = 30.0, 1e-3
     P, S = packed(K=0.0, J_L=1e3, PRE_TORQUE=T, PRE_ANGLE=y)
     S[k.PRE_SITE] = k.AT_LOAD
-    t, out = run(P, S, x=(0, 0, 0, 0.05), duration=0.2)
+    _t, out = run(P, S, x=(0, 0, 0, 0.05), duration=0.2)
     q, a = out[:, k.X_Q], out[:, k.X_A]
     assert np.allclose(-1e3 * a, T * (1.0 - np.exp(-q / y)), atol=1e-3 * T)
     P, S = packed(PRE_TORQUE=4.0, PRE_ANGLE=2e-7)
