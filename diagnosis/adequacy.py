@@ -146,9 +146,7 @@ class _Take:
 
 def _take(run: PreparedRun, output: Output, base: Vector, model: Vector) -> _Take:
     size = dynamic_level(output) or math.inf
-    if (
-        output.quantity in ANGULAR and output.mask.any()
-    ):  # where an encoder's step stood at the start is no mismatch
+    if output.quantity in ANGULAR and output.mask.any():  # an encoder's standing offset is no mismatch
         base, model = (x - np.mean(x[output.mask]) for x in (base, model))
     masked = [np.where(output.mask, x, 0.0) / size for x in (base, model)]
     return _Take(output, is_hit(run), masked[0], masked[1], quantum(output) ** 2 / 12.0 / size**2)

@@ -126,7 +126,7 @@ def evidence_text(comparison: Comparison, base: float, augmented: float, runs: i
     """A sentence or two that a lab engineer can check."""
     text = (
         f"Against the refitted base model the likelihood of the fitted runs rises by {comparison.gain:.0f} nats net of the "
-        f"added parameters, and some channel's relative error falls by {100 * comparison.material:.1f} % of its signal."
+        f"added parameters, and what is explained of some channel is {100 * comparison.material:.1f} % of its signal (rms)."
     )
     if runs and math.isfinite(base):
         text += (

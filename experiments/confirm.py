@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from jointscope.atomic import write_text
 from jointscope.errors import InputError, RefusedError
+from jointscope.experiments.own_model.scoring import first_angle
 from jointscope.models.effects import AUGMENTED, BASE, DESCRIPTION, read_description
 from jointscope.progress import track
 from jointscope.recordings.campaign import Campaign, Run, Signal
@@ -239,7 +240,7 @@ def _check(run: Run, recorded: Signal, base: Signal, augmented: Signal, sign: fl
         scored[-_TAIL:] = False
     if run.initial == "estimate":
         scored &= recorded.times >= recorded.times[0] + _SETTLING
-    first = _first(samples) if angle else 0.0
+    first = first_angle(samples) if angle else 0.0
     sides = [
         sign * (side.samples - side.samples[0]) + first if angle else sign * side.samples
         for side in (base, augmented)
@@ -258,14 +259,6 @@ def _check(run: Run, recorded: Signal, base: Signal, augmented: Signal, sign: fl
         base=sides[0][scored],
         augmented=sides[1][scored],
     )
-
-
-def _first(samples: Real) -> float:
-    """The angle at rest before the motion: the median for as long as it does not move."""
-    finite = samples[np.isfinite(samples)][:16]
-    steps = float(np.median(np.abs(np.diff(finite)))) if finite.size > 1 else 0.0
-    still = int(np.argmax(np.append(np.abs(finite - finite[0]) > 4.0 * steps + 1e-15, True)))
-    return float(np.median(finite[:still])) if still >= 5 else float(finite[0])
 
 
 def _rms(x: Real) -> float:

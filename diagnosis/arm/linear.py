@@ -43,8 +43,8 @@ def frequencies() -> Vector:
     return np.geomspace(*BAND, LINES)
 
 
-def response(run: ArmRun, figures: Figures, mask: NDArray[np.bool_], hz: Vector) -> Complex:
-    """Accelerometers per unit of the run's input (hammer force, else motor torque), shape (len(hz), o)."""
+def small_system(run: ArmRun, figures: Figures, mask: NDArray[np.bool_]) -> tuple[Vector, Vector, Vector, Vector]:
+    """M, C, K of small motion about the posture and the run's unit force: the links of ``mask``, then their rotors."""
     links = np.flatnonzero(mask)
     turning = [int(j) for j in links if run.kinds[j] != kernel.BRAKED]
     m, size = len(links), len(links) + len(turning)
@@ -52,22 +52,31 @@ def response(run: ArmRun, figures: Figures, mask: NDArray[np.bool_], hz: Vector)
     square = np.ix_(links, links)
     middle = run.plant.mass.shape[0] // 2
     M[:m, :m], K[:m, :m] = run.plant.mass[middle][square], run.plant.slope[middle][square]
-    for i, j in enumerate(links):
-        places = [i] + ([m + turning.index(int(j))] if int(j) in turning else [])
+    for i, link in enumerate(links):
+        places = [i] + ([m + turning.index(int(link))] if int(link) in turning else [])
         sign = np.array([[1.0, -1.0], [-1.0, 1.0]])[: len(places), : len(places)]
-        K[np.ix_(places, places)] += figures.stiffness[j] * sign
-        C[np.ix_(places, places)] += figures.damping[j] * sign
-    for r, turned in enumerate(turning):
-        M[m + r, m + r] = figures.rotor_inertia[turned]
-        C[m + r, m + r] += figures.rotor_damping[turned]
-        if run.kinds[j] == kernel.HELD:
-            C[m + r, m + r] += figures.drive_damping[j]
-            K[m + r, m + r] += figures.drive_stiffness[j]
+        K[np.ix_(places, places)] += figures.stiffness[link] * sign
+        C[np.ix_(places, places)] += figures.damping[link] * sign
+    for r, joint in enumerate(turning):
+        M[m + r, m + r] = figures.rotor_inertia[joint]
+        C[m + r, m + r] += figures.rotor_damping[joint]
+        if run.kinds[joint] == kernel.HELD:
+            C[m + r, m + r] += figures.drive_damping[joint]
+            K[m + r, m + r] += figures.drive_stiffness[joint]
     force = np.zeros(size)
     if run.load is not None:
         force[:m] = run.plant.hit[links]
     elif run.driven in turning:
         force[m + turning.index(run.driven)] = 1.0
+    return M, C, K, force
+
+
+def response(run: ArmRun, figures: Figures, mask: NDArray[np.bool_], hz: Vector) -> Complex:
+    """Accelerometers per unit of the run's input (hammer force, else motor torque), shape (len(hz), o)."""
+    links = np.flatnonzero(mask)
+    m, middle = len(links), run.plant.mass.shape[0] // 2
+    M, C, K, force = small_system(run, figures, mask)
+    size = len(force)
     s = 2j * np.pi * hz
     Z = s[:, None, None] ** 2 * M + s[:, None, None] * C + K
     x = np.linalg.solve(Z, np.broadcast_to(force, (len(s), size))[..., None])[..., 0][:, :m]

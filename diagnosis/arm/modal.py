@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.arm import kernel
+from jointscope.diagnosis.arm.linear import Figures, small_system
 from jointscope.diagnosis.arm.problem import ArmProblem, ArmRun
 
 Vector = NDArray[np.float64]
@@ -25,27 +26,12 @@ def joint_motion(run: ArmRun, theta: Vector, problem: ArmProblem) -> tuple[Vecto
     if drive is None or not len(links):
         return speed, wind_up, torque
     turning = [int(j) for j in links if run.kinds[j] != kernel.BRAKED]
-    m, size = len(links), len(links) + len(turning)
-    M, C, K = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-    square = np.ix_(links, links)
-    middle = run.plant.mass.shape[0] // 2
-    M[:m, :m], K[:m, :m] = run.plant.mass[middle][square], run.plant.slope[middle][square]
-    for i, j in enumerate(links):
-        places = [i] + ([m + turning.index(int(j))] if int(j) in turning else [])
-        sign = np.array([[1.0, -1.0], [-1.0, 1.0]])[: len(places), : len(places)]
-        K[np.ix_(places, places)] += P[j, kernel.STIFFNESS] * sign
-        C[np.ix_(places, places)] += P[j, kernel.DAMPING] * sign
-    force = np.zeros(size)
-    for r, k in enumerate(turning):
-        M[m + r, m + r] = P[k, kernel.ROTOR_INERTIA]
-        C[m + r, m + r] += P[k, kernel.ROTOR_DAMPING]
-        if run.kinds[k] == kernel.HELD:
-            C[m + r, m + r] += P[k, kernel.DRIVE_DAMPING]
-            K[m + r, m + r] += P[k, kernel.DRIVE_STIFFNESS]
-        if k == run.driven and run.load is None:
-            force[m + r] = 1.0
-    if run.load is not None:
-        force[:m] = run.plant.hit[links]
+    columns = (
+        kernel.STIFFNESS, kernel.DAMPING, kernel.ROTOR_INERTIA, kernel.ROTOR_DAMPING, kernel.DRIVE_STIFFNESS,
+        kernel.DRIVE_DAMPING,
+    )  # fmt: skip
+    M, C, K, force = small_system(run, Figures(*(P[:, column] for column in columns)), problem.mask(run))
+    m, size = len(links), len(force)
     rate = 1024.0
     u = (run.load_half if run.load is not None else run.motor_half)[:: max(1, round(2.0 * run.grid_rate / rate))]
     rate = 2.0 * run.grid_rate / max(1, round(2.0 * run.grid_rate / rate))
