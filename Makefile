@@ -6,7 +6,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 OUT    ?= out
 
-.PHONY: demo test check gates slow clean
+.PHONY: demo test check gates targets slow clean
 
 demo: $(VENV)/.ready
 	$(BIN)/jointscope demo --out $(OUT)/demo
@@ -23,6 +23,9 @@ check: $(VENV)/.ready
 
 gates: $(VENV)/.ready
 	$(BIN)/jointscope gate gates.toml --out $(OUT)/gates
+
+targets: $(VENV)/.ready
+	$(BIN)/jointscope gate targets.toml --out $(OUT)/targets
 
 slow: $(VENV)/.ready
 	$(BIN)/python -m pytest -q -m slow
