@@ -55,8 +55,8 @@ def driven_torque(assembly: Assembly) -> Vector:
         torque = shifted(run.motor.signal, run, chain)
     else:
         torque = run.motor_half
-    if chain.lag > 0.0:
-        torque = lagged(torque, chain.lag, 2.0 * run.grid_rate)
+    for time_constant in chain.lags:
+        torque = lagged(torque, time_constant, 2.0 * run.grid_rate)
     factor = assembly.base("efficiency") * assembly.base("torque_scale") * chain.torque_gain
     offset = assembly.base("torque_offset")
     if offset != 0.0:

@@ -3,7 +3,7 @@
 All hypotheses are judged by one noise model, that of the best one's residual, so that structured misfit which no
 hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stands over its parent only where it
  - is real: its likelihood gain exceeds the parameters' Occam cost and a margin for the number of candidates tried,
- - carries over: runs that were not fitted gain in proportion, and not by one run alone,
+ - carries over: runs that were not fitted gain in proportion to what it changes in them, and not by one run alone,
  - is material: it lowers some channel's relative error by more than a stated amount.
 """
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
 from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.input_noise import resonance
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.per_run import labelling_cost
@@ -31,18 +32,23 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Kind = tuple[object, ...]
 
-REAL = 25.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
-REAL_FURTHER = 30.0  # the same of any further effect, which has the rest of an imperfect law to feed on
-REAL_SORTED = 300.0  # of effects whose runs were sorted by what all runs say, held-out ones too
+REAL = 14.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
+REAL_FURTHER = 25.0  # the same of any further effect, which has the rest of an imperfect law to feed on
+REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
+NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
+PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
+REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 OF_PARENT = 0.03  # and of the parent's own gain over the base
 IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
-CARRIES_OVER = 0.12  # held-out gain over what the same kind of runs gained in the fit, per sample
-HELD = 4.0  # nats that held-out runs must gain at least
-LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain
+CARRIES_OVER = 0.12  # held-out gain over what a true child would gain there
+HELD = 3.0  # nats that held-out runs must gain at least
+LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain, or due
 MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
 SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
+LIGHTLY = 0.1  # of the stated damping, another start
+ELSEWHERE = 2  # of them whose base parameters the base is refitted from
 POLISHED = 4  # leading hypotheses that are refitted under the final noise
 
 
@@ -53,7 +59,9 @@ class Judged:
     Attributes:
         fitted: w'w of every fitted run, shape (n_fitted,).
         held_out: w'w of every held-out run, shape (n_held,).
-        occam: k/2 ln(nu) of its effects' parameters [nats].
+        left_held: w of every held-out run.
+        occam: k/2 ln(nu) of its effects' parameters, and what their runs' own numbers gain by chance [nats].
+        occam_held: The latter on the held-out runs [nats].
         energies: Per experiment and channel: squared error of all runs, and squared signal.
         predictions: Of the fitted runs.
         predictions_held: Of the held-out runs.
@@ -62,7 +70,9 @@ class Judged:
     hypothesis: Hypothesis
     fitted: Vector
     held_out: Vector
+    left_held: tuple[Vector, ...]
     occam: float
+    occam_held: float
     energies: dict[Kind, tuple[float, float]]
     predictions: Predictions
     predictions_held: Predictions
@@ -90,7 +100,8 @@ class Comparison:
     Attributes:
         gain: Likelihood gain on the fitted runs net of Occam [nats].
         held_gain: On the held-out runs [nats]; ``nan`` without any.
-        expected_held: What the gain of each kind of fitted runs would make of it, sample for sample [nats].
+        expected_held: Half the squared distance of the two predictions of the held-out runs, whitened: what the gain
+            there is on average if the child is true, and the loss if its parent is [nats].
         share_of_runs: Held-out runs that gain.
         lost: Nats of the held-out runs that lose, positive.
         material: Largest rms of what the child explains beyond the parent, over the signal's, of any channel [-].
@@ -120,9 +131,8 @@ class Comparison:
         """Held-out runs agree; vacuous without any."""
         if math.isnan(self.held_gain):
             return True
-        return self.held_gain > max(HELD, CARRIES_OVER * self.expected_held) and self.lost < LOSING * (
-            self.held_gain + self.lost
-        )
+        due = max(self.held_gain + self.lost, self.expected_held)
+        return self.held_gain > max(HELD, CARRIES_OVER * self.expected_held) and self.lost < LOSING * due
 
     @property
     def stands(self) -> bool:
@@ -165,6 +175,9 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
         parts = [h for h in everything if any(set(h.names) < set(lead.names) for lead in leading)]
         again = {id(h) for h in (everything[0], *leading, *parts)}
         everything = [_polished(objective, h) if id(h) in again else h for h in everything]
+        everything[0] = _from_elsewhere(
+            objective, everything[0], sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
+        )
         before, best = best, min(everything, key=lambda h: h.loss)
         if best.names == before.names:
             break
@@ -185,33 +198,62 @@ def _polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + _occam(hypothesis, len(fit.w)))
 
 
+def _from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hypothesis]) -> Hypothesis:
+    """The base refitted also from where the campaign and the leading hypotheses have its parameters.
+
+    No effect may stand on having found the base's own better optimum.
+    """
+    where = base.fit.coordinates
+    found = [base.fit]
+    ringing = where.start.copy()  # as the campaign states it, hardly damped
+    ringing[[name.startswith("damping") for name in objective.problem.base.names]] *= LIGHTLY
+    starts = [where.start, ringing, *(h.fit.coordinates.unpack(h.fit.x)[0] for h in leading)]
+    for start in starts:
+        fit = least_squares(objective, where, where.pack(start, ()), iterations=5, tolerance=1e-2, simulations=40)
+        found.append(fit)
+    best = min(found, key=lambda fit: fit.chi2)
+    if best is base.fit:
+        return base
+    return _polished(objective, replace(base, fit=best))
+
+
 def _occam(hypothesis: Hypothesis, samples: int) -> float:
     where = hypothesis.fit.coordinates
     chosen_runs = sum(labelling_cost(spec) for spec in where.effects)
     return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2)) + chosen_runs
 
 
+def _profiled(hypothesis: Hypothesis, runs: int) -> float:
+    return PROFILED * runs * sum(spec.profiled for spec in hypothesis.fit.coordinates.effects)
+
+
 def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
     """A hypothesis as it stands, under the noise of ``objective`` and ``held``."""
     theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
     predictions, held_predictions = objective.predictions(theta, effects), held.predictions(theta, effects)
-    fitted = _per_run(objective, predictions, theta)
+    fitted = _energy(_per_run(objective, predictions, theta))
+    left_held = _per_run(held, held_predictions, theta)
     samples = sum(sum(w.sizes) for w in objective.whiteners)
     energies = error_energies((*objective.prepared, *held.prepared), (*predictions, *held_predictions))
     return Judged(
         hypothesis,
         fitted,
-        _per_run(held, held_predictions, theta),
-        _occam(hypothesis, samples),
+        _energy(left_held),
+        left_held,
+        _occam(hypothesis, samples) + _profiled(hypothesis, len(objective.runs)),
+        _profiled(hypothesis, len(held.runs)),
         energies,
         predictions,
         held_predictions,
     )
 
 
-def _per_run(objective: Objective, predictions: Predictions, theta: Vector) -> Vector:
-    whitened_runs = (objective.whiten_run(i, p, theta) for i, p in enumerate(predictions))
-    return np.array([float(w @ w) for w in whitened_runs])
+def _per_run(objective: Objective, predictions: Predictions, theta: Vector) -> tuple[Vector, ...]:
+    return tuple(objective.whiten_run(i, p, theta) for i, p in enumerate(predictions))
+
+
+def _energy(left: Sequence[Vector]) -> Vector:
+    return np.array([float(w @ w) for w in left])
 
 
 def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> dict[Kind, tuple[float, float]]:
@@ -255,23 +297,13 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     held_gain, expected, agreeing, lost = math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
         held = 0.5 * (parent.held_out - child.held_out) / overdispersion
-        held_sizes = np.array([sum(w.sizes) for w in judgement.held.whiteners])
-        held_gain, agreeing = float(np.sum(held)), float(np.mean(held > 0.0))
+        held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
+        agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))
-        kinds, held_kinds = _kinds(judgement.objective), _kinds(judgement.held)
-        expected = 0.0
-        for kind in set(held_kinds):
-            mine, theirs = np.array([k == kind for k in kinds]), np.array([k == kind for k in held_kinds])
-            per_sample = (
-                raw[mine].sum() / max(sizes[mine].sum(), 1) if mine.any() else raw.sum() / max(sizes.sum(), 1)
-            )
-            expected += float(per_sample * held_sizes[theirs].sum())
+        apart = _energy([p - c for p, c in zip(parent.left_held, child.left_held, strict=True)])
+        expected = 0.5 * float(np.sum(apart)) / overdispersion
     gain = float(np.sum(raw)) - child.occam + parent.occam
     return Comparison(gain, held_gain, expected, agreeing, lost, material, share, len(parent.names), parent_gain)
-
-
-def _kinds(objective: Objective) -> list[tuple[str, bool]]:
-    return [(run.run.experiment, run.run.brake) for run in objective.prepared]
 
 
 def score(judgement: Judgement, candidate: Judged) -> float:
@@ -279,6 +311,19 @@ def score(judgement: Judgement, candidate: Judged) -> float:
     against = compare(judgement, judgement.base, candidate)
     held = 0.0 if math.isnan(against.held_gain) else against.held_gain
     return against.gain + held + PRIOR_SIZE[min(len(candidate.names), 3)]
+
+
+def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
+    """Whether the child adds a line at the joint's own resonance, which broadband noise leaves there as well."""
+    theta, effects = child.fit.coordinates.unpack(child.fit.x)
+    pole = resonance(judgement.objective.problem, theta)
+    lines = [
+        a.values[0] for a in effects if a.spec.profiled and f"{a.spec.name}@{a.spec.location}" not in parent.names
+    ]
+    if pole is None or not lines:
+        return False
+    apart = min(abs(line / pole[0] - 1.0) for line in lines)
+    return apart < NEAR_RESONANCE + pole[1] and compare(judgement, parent, child).gain < REAL_RESONANT
 
 
 def standing(judgement: Judgement) -> list[Judged]:
@@ -290,6 +335,8 @@ def standing(judgement: Judgement) -> list[Judged]:
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself
         if any(not compare(judgement, part, child).stands for part in parts):
+            continue
+        if any(_rings(judgement, child, part) for part in parts):
             continue
         sorted_runs = [spec.name for spec in child.hypothesis.specs if spec.run_weights is not None]
         without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]

@@ -60,7 +60,7 @@ class Chain:
         accelerometer_gain: True over stated sensitivity [-].
         force_gain: The same of the hammer's force [-].
         torque_gain: True over stated torque constant or efficiency [-].
-        lag: Time constant with which the torque follows the logged one [s].
+        lags: Time constants of the stages through which the torque follows the logged one [s].
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
         log_kind: ``"held"``, ``"averaged"`` or ``"aliased"``.
         vibration: Frequency [Hz] and amplitude [N m] of an outside disturbance.
@@ -77,7 +77,7 @@ class Chain:
     accelerometer_gain: float = 1.0
     force_gain: float = 1.0
     torque_gain: float = 1.0
-    lag: float = 0.0
+    lags: tuple[float, ...] = ()
     log_rate: float = math.inf
     log_kind: str = "averaged"
     vibration: tuple[float, float] = (1.0, 0.0)

@@ -122,7 +122,7 @@ def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, obser
     """
     if run.motor is None:
         return 0.0
-    torque = way.factor * white_part(run.motor.samples) / math.sqrt(run.motor.signal.rate)
+    torque = way.factor * run.motor.noise / math.sqrt(run.motor.signal.rate)
     lever = run.ratio if output.location == "motor" else 1.0
     if output.quantity == "linear-acceleration":
         lever = output.radius or 1.0

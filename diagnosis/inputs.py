@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.contact import contact_only
+from jointscope.diagnosis.input_estimate import estimated_input
+from jointscope.diagnosis.input_noise import white_part
 from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Nameplate, Run, Signal
@@ -26,6 +28,7 @@ class Drive:
         factor: What one unit of the channel (SI) is at the joint output.
         calibrated: Whether the value is in SI.
         samples: As recorded, times ``factor``, shape (n,).
+        noise: Standard deviation of the white noise that was in it [as ``samples``].
     """
 
     signal: Bandlimited
@@ -33,6 +36,14 @@ class Drive:
     factor: float
     calibrated: bool
     samples: Vector
+    noise: float = 0.0
+
+
+def without_noise(drive: Drive) -> Drive:
+    """The same torque as its log most likely stands for."""
+    samples = estimated_input(drive.samples, drive.signal.rate)
+    signal = bandlimited(samples, drive.signal.rate, drive.signal.start)
+    return replace(drive, signal=signal, samples=samples, noise=white_part(drive.samples))
 
 
 def _drive(signal: Signal, factor: float, calibrated: bool, *, impact: bool = False) -> Drive:

@@ -66,7 +66,7 @@ N_S = 17
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
 DAHL, BOUC_WEN, MAXWELL_SLIP = 1, 2, 3
 AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
-OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE = 0, 1, 2, 3  # TABLE_OF
+OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE, OF_TURN = 0, 1, 2, 3, 4  # TABLE_OF; of turn: a stiffness
 
 # --- columns of the result ----------------------------------------------------------------------------------------
 X_QS, X_VS, X_AS, X_Q, X_V, X_A, X_LINK, X_TS, X_TAU, X_TEXT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
@@ -219,7 +219,10 @@ def _rates_source(
         dx[j] = rate - x[j] / P[b + 1]
 
     if S[TABLE_SITE] == AT_TRANSMISSION:
-        T += tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)
+        if S[TABLE_OF] == OF_TURN:
+            T += delta * tabled(P, q)
+        else:
+            T += tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)
 
     innovation = 0.0
     if P[OBS_2] != 0.0:
@@ -608,7 +611,10 @@ def _scalar_rates_source(
         elif kind != 0:
             T += P[HYST_TORQUE] * _loop(mem[1], delta - mem[0], P[HYST_ANGLE], kind)
         if S[TABLE_SITE] == AT_TRANSMISSION:
-            T += tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)
+            if S[TABLE_OF] == OF_TURN:
+                T += delta * tabled(P, q)
+            else:
+                T += tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)
     innovation = 0.0
     if o_2 != 0.0:
         innovation = y - o_qs * q_s - o_vs * v_s - o_q * q - o_v * v

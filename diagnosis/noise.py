@@ -31,7 +31,7 @@ NO_MATTER = 1e-3  # of the sensor's own power
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
 ANGULAR_FLOOR = (
-    0.03  # the same of what an observed angle does: its innovation is the model's error twice integrated
+    0.0002  # the same of what an observed angle does: its innovation is the model's error twice integrated
 )
 ENVELOPE_WINDOW = 0.05  # s
 FOLLOWED = 0.75  # periods of the observer's corner beyond which it follows an angle: a quarter second at 3 Hz

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.recordings.campaign import Nameplate
 
+MAKERS_FIGURE = 4.0  # times the stiffness on the nameplate that a fit may come to
+OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
+
 
 def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
     return any(
@@ -165,6 +168,12 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     lower[i] = max(lower[i], min(known_inertia(rig), base.start[i]))
     for name in ("damping", "motor_damping", "load_damping", "drive_integral"):
         upper[BASE_INDEX[name]] = 1e3 * scale[name]
+    if b["damping"] > 0.0:
+        upper[BASE_INDEX["damping"]] = max(OVERDAMPED * critical, 10.0 * b["damping"])
+    if rig.stiffness_reference is not None:  # a maker's figure may be off by a third, not by an order of magnitude
+        i = BASE_INDEX["stiffness"]
+        lower[i] = min(base.start[i], rig.stiffness_reference) / MAKERS_FIGURE
+        upper[i] = max(base.start[i], rig.stiffness_reference) * MAKERS_FIGURE
     for name in ("gravity_moment", "torque_offset"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = -1e3 * scales[i], 1e3 * scales[i]

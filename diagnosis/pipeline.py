@@ -84,8 +84,8 @@ def diagnose(
     decision = decide(judgement)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)
-    black_box = judged_table(judgement, where.tables[0]) if where.tables else None
-    if decision.unknown_reason == "outside-catalogue" and black_box is not None:
+    black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None
+    if (decision.verdict == "none" or decision.unknown_reason == "outside-catalogue") and black_box is not None:
         decision = with_unknown_force(judgement, decision, black_box)
     report("weighing what to record next")
     suggestion = suggest(problem, judgement, decision, pool)

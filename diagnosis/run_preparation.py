@@ -10,7 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
-from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command
+from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.models.parameters import STANDARD_GRAVITY
@@ -48,6 +48,8 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
     if mode is None:
         return None
     motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
+    if motor is not None and motor_moves:
+        motor = without_noise(motor)
     if mode not in ("observer",):
         observed = None
     end = max((s.times[-1] for s in recorded), default=0.0)

@@ -14,9 +14,10 @@ from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compa
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.6  # probability of the leading set below which it is not named alone
-LACKING = 0.01  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
+LACKING = 0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
+UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
 NEAR = 3.0  # belief nats within which rivals are listed
 
 
@@ -104,10 +105,21 @@ def decide(judgement: Judgement) -> Decision:
 
 
 def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:
-    """The same answer with the measured force as the model that is handed on, where that force carries over."""
+    """The answer in view of a force without a name.
+
+    Where that force carries over it is the model that is handed on; where nothing was found and it stands beyond doubt,
+    something is there that no candidate explains.
+    """
     against = compare(judgement, decision.chosen, table)
     if math.isnan(against.held_gain) or not against.stands:
         return decision
+    if decision.verdict == "none":
+        if against.gain < UNNAMED:
+            return decision
+        sure = _beyond(against.gain / UNNAMED)
+        return replace(
+            decision, verdict="unknown", chosen=table, probability=sure, unknown_reason="outside-catalogue"
+        )
     return replace(decision, chosen=table)
 
 

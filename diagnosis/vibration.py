@@ -37,6 +37,8 @@ def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -
         if r.size:
             # a robust size, so that a ring-down which the model misses does not outweigh the quiet part
             variance = max(float(np.median(np.abs(r))) ** 2, 1e-300)
+            if not math.isfinite(variance):  # a model that flew apart has no phase
+                continue
             bounded = np.clip(r, -6.0 * math.sqrt(variance), 6.0 * math.sqrt(variance))
             total += np.sum(np.conj(shape[output.mask]) * bounded) / variance
     phase = total / abs(total) if abs(total) > 0.0 else 1.0

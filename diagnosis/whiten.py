@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from jointscope.diagnosis.assembly import OBSERVER_ZETA, observer_corner
-from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.input_noise import Inlet, Pole, Ringing, noise_share
 from jointscope.diagnosis.noise import (
@@ -231,11 +230,9 @@ def estimate_noise(
     for run in runs:
         for output in run.outputs:
             key, observed = block_key(run, output), run.mode == "observer" and output.quantity in ANGULAR
-            if observed or (run.motor_moves and output.quantity in ACCELERATIONS):
-                poles[key] = (
-                    (observer_corner(run), OBSERVER_ZETA) if observed else (None if way is None else way.pole)
-                )
-                w0 = 2.0 * np.pi * observer_corner(run) if observed else 0.0
+            if observed:  # what reaches an accelerometer through the resonance is taken off the input itself
+                poles[key] = (observer_corner(run), OBSERVER_ZETA)
+                w0 = 2.0 * np.pi * observer_corner(run)
                 share = noise_share(run, output, way, quantum(output), w0) if way is not None else 0.0
                 shares.setdefault(key, []).append(share)
     outputs: dict[Key, list[Output]] = {}

@@ -1,6 +1,6 @@
 r"""Between the logged torque and the shaft: the current loop's lag, and a torque constant or efficiency that is off.
 
-    tau = eta n T_e / (1 + s tau_e)          drive-lag
+    tau = eta n T_e / (1 + s tau_e)          drive-lag, or two such stages of half the time
     tau = gain eta n T_e                     torque-gain
 
 Facts used as tests: the lag's gain is 1/sqrt(1 + (w tau_e)^2), a gain scales a linear response exactly.
@@ -11,15 +11,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.effects.spec import EffectSpec, ParameterSpec, Values, needs_motor_torque, one_start
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    ParameterSpec,
+    Values,
+    needs_motor_torque,
+    one_start,
+)
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
 
-def _lag(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.chain.lag += values[0]
+def _lag(stages: int) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        if values[0] > 0.0:
+            assembly.chain.lags += (values[0] / stages,) * stages
+
+    return apply
 
 
 def _gain(assembly: Assembly, values: Values, weight: float) -> None:
@@ -48,19 +59,25 @@ def _gain_possible(problem: Problem) -> str | None:
 
 
 SPECS: tuple[EffectSpec, ...] = (
-    EffectSpec(
-        name="drive-lag",
-        location="motor",
-        variant="first-order",
-        family="input",
-        parameters=(ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),),
-        law="tau = eta n T_e / (1 + s tau_e)",
-        revealed_by=("torque-sweep", "speed-motion"),
-        look_alikes=("delay", "torque-logging", "sensor-resonance"),
-        apply=_lag,
-        scale=lambda problem: (1e-4, 5e-4, 2e-3),
-        starts=one_start,
-        possible=_lag_possible,
+    *(
+        EffectSpec(
+            name="drive-lag",
+            location="motor",
+            variant=variant,
+            family="input",
+            parameters=(ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),),
+            law=law,
+            revealed_by=("torque-sweep", "speed-motion"),
+            look_alikes=("delay", "torque-logging", "sensor-resonance"),
+            apply=_lag(stages),
+            scale=lambda problem: (1e-4, 5e-4, 2e-3),
+            starts=one_start,
+            possible=_lag_possible,
+        )
+        for variant, stages, law in (
+            ("first-order", 1, "tau = eta n T_e / (1 + s tau_e)"),
+            ("second-order", 2, "tau = eta n T_e / (1 + s tau_e/2)^2"),
+        )
     ),
     EffectSpec(
         name="torque-gain",

@@ -1,5 +1,7 @@
 """A law without a name: torque as a piecewise linear function of one variable, where nothing in the catalogue fits.
 
+In the transmission also a stiffness that depends on the arm's angle.
+
 It locates a mismatch (at the motor, in the transmission, at the arm), serves as the black box of equal freedom, and is
 the measured shape of an unknown force. It adds to the torque that accelerates the motor side or the arm, or to T_S.
 It is not in ``REGISTRY``: it names nothing.
@@ -10,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
@@ -18,12 +21,14 @@ from jointscope.diagnosis.effects.spec import (
     Values,
     needs_motor,
     needs_spring,
+    needs_travel,
 )
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
+STIFFNESS = "stiffness-by-angle"  # the nodes are stiffnesses [N m/rad] beside K
 _SITES: dict[str, int] = {
     "motor": kernel.AT_MOTOR,
     "load": kernel.AT_LOAD,
@@ -34,6 +39,7 @@ _VARIABLES = {
     "angle": kernel.OF_ANGLE,
     "wind-up": kernel.OF_WIND_UP,
     "wind-up-rate": kernel.OF_WIND_UP_RATE,
+    STIFFNESS: kernel.OF_TURN,
 }
 NODE_NAMES = tuple(f"torque_{i}" for i in range(kernel.N_NODES))
 
@@ -66,26 +72,45 @@ def _sizes(problem: Problem) -> tuple[float, float, float]:
     return 0.003 * t, 0.02 * t, 0.1 * t
 
 
+def _stiffness_sizes(problem: Problem) -> tuple[float, float, float]:
+    k = float(problem.base.start[BASE_INDEX["stiffness"]])
+    return 0.003 * k, 0.02 * k, 0.1 * k
+
+
+def _stiffness_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    k = float(problem.base.start[BASE_INDEX["stiffness"]])
+    return dict.fromkeys(NODE_NAMES, (-0.5 * k, k))
+
+
+def _turning(problem: Problem) -> str | None:
+    return needs_spring(problem) or needs_travel(problem)
+
+
 def _limits(problem: Problem) -> dict[str, tuple[float, float]]:
     top = 3.0 * max(problem.scales.torque, problem.scales.motor_torque)
     return dict.fromkeys(NODE_NAMES, (-top, top))
 
 
 def _spec(location: Location, variable: str) -> EffectSpec:
+    stiffness = variable == STIFFNESS
+    possible = {"motor": needs_motor, "transmission": _turning if stiffness else needs_spring}
     return EffectSpec(
         name="latent-law",
         location=location,
         variant=variable,
         family="external",
-        parameters=tuple(ParameterSpec(name, "N m", -1e9, 1e9, null=0.0) for name in NODE_NAMES),
-        law=f"a torque that depends on the {variable}, straight between nine nodes",
+        parameters=tuple(
+            ParameterSpec(name, "N m/rad" if stiffness else "N m", -1e12, 1e12, null=0.0) for name in NODE_NAMES
+        ),
+        law=f"a {'stiffness' if stiffness else 'torque'} that depends on the {'angle' if stiffness else variable}, "
+        "straight between nine nodes",
         revealed_by=("hammer", "torque-sweep", "speed-motion"),
         look_alikes=(),
         apply=_tabled(location, variable),
-        scale=_sizes,
+        scale=_stiffness_sizes if stiffness else _sizes,
         starts=lambda problem: ((0.0,) * (kernel.N_NODES - 1),),
-        possible={"motor": needs_motor, "transmission": needs_spring}.get(location, lambda problem: None),
-        limits=_limits,
+        possible=possible.get(location, lambda problem: None),
+        limits=_stiffness_limits if stiffness else _limits,
     )
 
 
@@ -96,4 +121,5 @@ LATENT: tuple[EffectSpec, ...] = (
     _spec("load", "angle"),
     _spec("transmission", "wind-up"),
     _spec("transmission", "wind-up-rate"),
+    _spec("transmission", STIFFNESS),
 )

@@ -69,13 +69,14 @@ def _rate(problem: Problem) -> float:
 
 
 BEYOND_THE_JOINT = (
-    2.5  # times the joint's resonance: nobody mounts a sensor that is slower than what it is to show
+    1.3  # times the joint's resonance: nobody mounts a sensor that is slower than what it is to show
 )
 
 
 def _resonance_sizes(problem: Problem) -> tuple[float, float, float]:
     rate = _rate(problem)
-    return 2.0 * rate, 0.7 * rate, 0.3 * rate
+    strong = min(0.3 * rate, 2.5 * BEYOND_THE_JOINT * problem.scales.frequency)
+    return rate, (rate * strong) ** 0.5, strong
 
 
 def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:

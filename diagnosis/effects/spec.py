@@ -75,6 +75,7 @@ class EffectSpec:
         run_weights: Amplitude's factor in each run (payload: which runs carry it; drift per run: how far), or ``None``.
         residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``.
         proportional: Positions of parameters that are resized with the amplitude (a breakaway torque, say).
+        profiled: Numbers that are fitted anew in every run, held-out ones too (a phase, say).
     """
 
     name: str
@@ -93,6 +94,7 @@ class EffectSpec:
     run_weights: tuple[float, ...] | None = None
     residual_starts: ResidualStarts | None = field(default=None, repr=False)
     proportional: tuple[int, ...] = ()
+    profiled: int = 0
 
     @property
     def amplitude(self) -> int:

@@ -66,6 +66,7 @@ SPECS: tuple[EffectSpec, ...] = tuple(
         starts=_starts,
         possible=needs_accelerometer,
         residual_starts=_from_residuals,
+        profiled=1,
     )
     for variant, unit, law, mount, scale in (
         ("torque", "N m", "T_ext + a sin(2 pi f t + phase)", False, _sizes),

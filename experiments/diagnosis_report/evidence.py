@@ -20,7 +20,7 @@ from jointscope.experiments.diagnosis_report.windup import windup_chart
 from jointscope.experiments.page import Section
 
 _AXES = {
-    "wind-up": "rad", "wind-up-rate": "rad/s", "velocity": "rad/s", "position": "rad", "time": "s",
+    "wind-up": "rad", "wind-up-rate": "rad/s", "stiffness-by-angle": "rad", "velocity": "rad/s", "position": "rad", "time": "s",
     "motor-velocity": "rad/s at the output", "velocity-sign": "rad/s",
 }  # fmt: skip
 

@@ -8,8 +8,10 @@ from jointscope.models.effects.building import Building, Parameters
 
 
 def lag(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """tau = eta n T_e / (1 + s tau_e), from the logged torque."""
-    building.law("drive-lag", time_constant=p["time_constant"])
+    """tau = eta n T_e / (1 + s tau_e), from the logged torque, or two such stages of half the time."""
+    stages = 2 if variant == "second-order" else 1
+    for _ in range(stages):
+        building.law("drive-lag", time_constant=p["time_constant"] / stages)
     return ""
 
 

@@ -27,7 +27,10 @@ def payload(building: Building, location: str, variant: str, p: Parameters) -> s
 
 
 def tabled(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """A torque straight between nodes of speed, angle, wind-up or its rate, from ``low`` to ``high``; constant beyond."""
+    """A torque straight between nodes of speed, angle, wind-up or its rate, from ``low`` to ``high``; constant beyond.
+
+    ``stiffness-by-angle``: a stiffness of the transmission instead.
+    """
     count = sum(name.startswith("torque_") for name in p)
     building.law(
         "table",

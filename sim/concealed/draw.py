@@ -40,6 +40,7 @@ EASIEST, HARDEST = 100.0, 4.5  # z_d that is aimed at
 MATERIAL = 0.005
 PLAIN = 100.0  # z_d above which a case is trivial
 _TRIES = 3
+REDRAWN = 4  # times that a case which flies apart is drawn anew
 AMBIGUOUS = (
     "neighbour-flexibility", "base-compliance", "link-flexibility", "delay", "drive-lag", "torque-gain", "sensor-gain",
     "structural-damping", "coulomb-friction", "stribeck-friction", "payload", "clock-drift",
@@ -109,21 +110,39 @@ class Case:
     measured: strength.Strength | None
 
 
-def decide(order: Order, index: int) -> Case:
-    """Bench and effects of case ``index``."""
+def decide(order: Order, index: int, again: int = 0) -> Case:
+    """Bench and effects of case ``index``; ``again``: other effects on the same bench, where the first flew apart."""
     kinds, bench_seed, effect_seed, _, _ = np.random.SeedSequence([order.seed, index]).spawn(5)
     kind = _kind(order, np.random.default_rng(kinds))
     bench = draw_bench(np.random.default_rng(bench_seed), order.draw)
-    effects, measured = conceal(bench, kind, order.draw, np.random.default_rng(effect_seed))
+    rng = np.random.default_rng([*effect_seed.generate_state(4), again] if again else effect_seed)
+    effects, measured = conceal(bench, kind, order.draw, rng)
     return Case(kind, bench, effects, measured)
+
+
+def recorded(order: Order, index: int) -> tuple[Case, list[dict[str, Real]]]:
+    """Case ``index`` and what its runs would record without noise.
+
+    How hard a case is is measured on a few of its runs; one that flies apart in another is drawn anew.
+
+    Raises:
+        FloatingPointError: Every one of the draws did.
+    """
+    for again in range(REDRAWN):
+        case = decide(order, index, again)
+        try:
+            return case, rehearse(case.bench.rig, case.bench.plan, case.effects, range(len(case.bench.plan.takes)))
+        except FloatingPointError:
+            if again == REDRAWN - 1:
+                raise
+    raise AssertionError("unreachable")
 
 
 def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:
     """Draw case ``index``, write its campaign into ``directory``, return the truth about it."""
-    case = decide(order, index)
+    case, clean = recorded(order, index)
     bench = case.bench
     noise_seed, paper_seed = np.random.SeedSequence([order.seed, index]).spawn(5)[3:]
-    clean = rehearse(bench.rig, bench.plan, case.effects, range(len(bench.plan.takes)))
     noise_rng = np.random.default_rng(noise_seed)
     clean = [declared(channels, bench.plan.devices) for channels in clean]
     records = [noisy(channels, bench.plan.devices, bench.noise, noise_rng) for channels in clean]

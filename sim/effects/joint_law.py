@@ -180,6 +180,7 @@ class _JointLaw:
         torque = self.spring.torque(delta, rate, 1.0 + self.drift * (t + self.frame.origin))
         for memory in self.memories:
             torque += memory(t, delta, rate)
+        torque += delta * self._tabled("transmission", **{"stiffness-by-angle": q_s + x})
         return torque + self._tabled("transmission", **{"wind-up": delta, "wind-up-rate": rate})
 
     def _tabled(self, at: str, **variables: float) -> float:

@@ -32,7 +32,7 @@ def noisy(problem, share, seed=1):
 def judged(problem):
     found = {}
     with ThreadPoolExecutor(1) as pool:
-        for share in (0.01, 0.1):
+        for share in (0.01, 0.5):
             own = noisy(problem, share)
             stage = refit_base(own, predict_outputs, tuple(range(len(own.runs))), pool)
             found[share] = (own, judge(stage, (), split_runs(own).held_out))
@@ -58,14 +58,20 @@ def test_more_noise_hides_more(judged):
     with ThreadPoolExecutor(1) as pool:
         for share, (problem, judgement) in judged.items():
             specs = [spec_of(problem, "coulomb-friction", "load"), spec_of(problem, "backlash", "transmission")]
-            sizes[share] = [u.size for u in unseen(problem, judgement, judgement.base, specs, pool)]
-    for quiet, loud in zip(sizes[0.01], sizes[0.1], strict=True):
-        assert quiet is not None and loud is not None
-        assert loud > 1.1 * quiet
+            sizes[share] = unseen(problem, judgement, judgement.base, specs, pool)
+    noise_limited = 0
+    for quiet, loud in zip(sizes[0.01], sizes[0.5], strict=True):
+        assert quiet.size is not None and loud.size is not None
+        if quiet.limited_by == loud.limited_by == "materiality":  # what counts as material does not depend on noise
+            assert loud.size == pytest.approx(quiet.size, rel=0.15)
+        else:
+            noise_limited += 1
+            assert loud.size > 1.1 * quiet.size
+    assert noise_limited
 
 
 def test_the_stated_size_stands_at_the_gate(judged):
-    problem, judgement = judged[0.1]
+    problem, judgement = judged[0.5]
     spec = spec_of(problem, "coulomb-friction", "load")
     with ThreadPoolExecutor(1) as pool:
         (found,) = unseen(problem, judgement, judgement.base, [spec], pool)
@@ -74,7 +80,7 @@ def test_the_stated_size_stands_at_the_gate(judged):
 
 
 def test_what_the_channels_forbid_has_a_reason_and_no_size(problem, judged):
-    own, judgement = judged[0.1]
+    own, judgement = judged[0.5]
     hits = tuple(run for run in own.runs if run.mode == "braked")
     hammer_only = replace(own, runs=hits)
     spec = spec_of(hammer_only, "coulomb-friction", "motor")

@@ -15,6 +15,7 @@ import planar  # type: ignore[import-not-found]
 
 from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.effects import arm_catalogue
+from jointscope.diagnosis.arm.linear import Figures, response
 from jointscope.diagnosis.arm.predict import assembled, moved, predict_outputs, rest_state
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.arm.problem import ArmProblem
@@ -202,3 +203,19 @@ def test_friction_beyond_what_drives_it_is_a_brake(swept: ArmProblem) -> None:
     held = moved(assembly)
     assert float(np.max(np.abs(held.rotor))) < 1e-3 * float(np.max(np.abs(free.rotor)))
     assert float(np.std(held.readings - held.readings[0])) < 1e-2 * float(np.std(free.readings - free.readings[0]))
+
+
+def test_a_drive_as_hard_as_a_brake_holds_like_one(hit: ArmProblem) -> None:
+    """Each held rotor stands on its own drive's stiffness, whichever joints are elastic: k_p to infinity is a brake."""
+    run, hz = hit.arm_runs[0], np.geomspace(5.0, 100.0, 40)
+    stiff = np.array([1e3, 1e15])  # of the drives of a and b: the soft one must not be taken for the hard one
+    figures = Figures(
+        np.array([40000.0, 9000.0]), np.array([40.0, 8.0]), np.array([12.0, 5.0]), np.array([2.0, 1.0]), stiff,
+        np.zeros(2),
+    )  # fmt: skip
+    only_b = np.array([False, True])
+    held = replace(run, kinds=np.array([kernel.BRAKED, kernel.HELD]))
+    braked = response(run, figures, only_b, hz)
+    np.testing.assert_allclose(response(held, figures, only_b, hz), braked, rtol=1e-6)
+    soft = replace(figures, drive_stiffness=stiff[::-1].copy())
+    assert np.max(np.abs(response(held, soft, only_b, hz) - braked)) > 0.1 * np.max(np.abs(braked))

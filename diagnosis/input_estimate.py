@@ -1,0 +1,50 @@
+"""The torque that a noisy log most likely stands for: local Wiener filtering, so that what drives the model is no noise.
+
+A log u + eta that drives a resonance makes the prediction ring where the recording does not, and a fit damps the ringing
+with parameters that are not there: on motions whose log carried 0.2 N m of white noise, K of 54.8 kN m/rad came out at
+17 and c of 11 at 91 N m s/rad. Replacing the input by its conditional mean E[u | u + eta] takes that bias away (regression
+calibration, Carroll et al. 2006, chapter 4). The mean is W = max(0, 1 - 2 S_eta/S) in windows of a quarter second,
+S the local power, S_eta that of the log's own white part: where the log holds a signal it is left as it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+from scipy.signal import ShortTimeFFT
+from scipy.signal.windows import hann
+
+from jointscope.diagnosis.input_noise import white_part
+
+Vector = NDArray[np.float64]
+
+WINDOW = 0.25  # s
+OVERLAP = 4  # windows over any sample
+SMOOTHED = 3  # cells of frequency and of time over which the local power is averaged
+OVER = 2.0  # times the noise's power that is taken off: the local power is itself uncertain
+NO_NOISE = 1e-5  # of the log's peak, below which it is left alone
+
+
+def estimated_input(samples: Vector, rate: float) -> Vector:
+    """E[u | samples] of a log of smooth torque with white noise, shape of ``samples``.
+
+    Args:
+        samples: As logged [any unit], shape (n,).
+        rate: Of the log [Hz].
+    """
+    length = OVERLAP * max(2, round(WINDOW * rate / OVERLAP))
+    noise = white_part(samples)
+    if len(samples) < 2 * length or not noise > NO_NOISE * float(np.max(np.abs(samples))):
+        return samples
+    step = length // OVERLAP
+    ends = 2.0 * samples[[0, -1]]  # odd reflection: no step at the ends
+    padded = np.concatenate([ends[0] - samples[length:0:-1], samples, ends[1] - samples[-2 : -length - 2 : -1]])
+    window = hann(length, sym=False)
+    transform = ShortTimeFFT(window, step, rate, scale_to=None)
+    z = transform.stft(padded)
+    power = uniform_filter(np.square(np.abs(z)), SMOOTHED, mode="nearest")
+    white = noise**2 * float(np.sum(np.square(window)))
+    kept = z * np.maximum(1.0 - OVER * white / np.maximum(power, 1e-300), 0.0)
+    x = transform.istft(kept, k1=len(padded))
+    return np.asarray(x[length : length + len(samples)], dtype=np.float64)
