@@ -41,11 +41,13 @@ REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, he
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 OF_PARENT = 0.03  # and of the parent's own gain over the base
 IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
-CARRIES_OVER = 0.12  # held-out gain over what a true child would gain there
+CARRIES_OVER = 0.12  # held-out gain over what the same kind of runs gained in the fit, per sample
+AS_FORETOLD = 0.3  # and over what a true child would gain there
 HELD = 3.0  # nats that held-out runs must gain at least
 LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain, or due
 MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
 SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
+SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 LIGHTLY = 0.1  # of the stated damping, another start
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
@@ -100,7 +102,8 @@ class Comparison:
     Attributes:
         gain: Likelihood gain on the fitted runs net of Occam [nats].
         held_gain: On the held-out runs [nats]; ``nan`` without any.
-        expected_held: Half the squared distance of the two predictions of the held-out runs, whitened: what the gain
+        expected_held: What the gain of each kind of fitted runs would make of it, sample for sample [nats].
+        foretold_held: Half the squared distance of the two predictions of the held-out runs, whitened: what the gain
             there is on average if the child is true, and the loss if its parent is [nats].
         share_of_runs: Held-out runs that gain.
         lost: Nats of the held-out runs that lose, positive.
@@ -114,6 +117,7 @@ class Comparison:
     gain: float
     held_gain: float
     expected_held: float
+    foretold_held: float
     share_of_runs: float
     lost: float
     material: float
@@ -131,8 +135,9 @@ class Comparison:
         """Held-out runs agree; vacuous without any."""
         if math.isnan(self.held_gain):
             return True
-        due = max(self.held_gain + self.lost, self.expected_held)
-        return self.held_gain > max(HELD, CARRIES_OVER * self.expected_held) and self.lost < LOSING * due
+        due = max(self.held_gain + self.lost, self.foretold_held)
+        enough = max(HELD, CARRIES_OVER * self.expected_held, AS_FORETOLD * self.foretold_held)
+        return self.held_gain > enough and self.lost < LOSING * due
 
     @property
     def stands(self) -> bool:
@@ -140,7 +145,10 @@ class Comparison:
         held = 0.0 if math.isnan(self.held_gain) else self.held_gain
         much = self.gain + held > IN_EVIDENCE * self.parent_gain
         needed = SHARES[min(self.parents, len(SHARES) - 1)]
-        return self.real and self.carries_over and self.material > MATERIAL and (self.share > needed or much)
+        both = self.share > SHARE_AND_EVIDENCE[0] and self.gain + held > SHARE_AND_EVIDENCE[1] * self.parent_gain
+        return (
+            self.real and self.carries_over and self.material > MATERIAL and (self.share > needed or much or both)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +183,11 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
         parts = [h for h in everything if any(set(h.names) < set(lead.names) for lead in leading)]
         again = {id(h) for h in (everything[0], *leading, *parts)}
         everything = [_polished(objective, h) if id(h) in again else h for h in everything]
-        everything[0] = _from_elsewhere(
-            objective, everything[0], sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
-        )
         before, best = best, min(everything, key=lambda h: h.loss)
         if best.names == before.names:
             break
+    leading = sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
+    everything[0] = _from_elsewhere(objective, everything[0], leading)
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
     judged = tuple(evidence(h, objective, held) for h in everything)
@@ -294,16 +301,37 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
     material, share = improvement(judgement.base.energies, parent.energies, child.energies)
-    held_gain, expected, agreeing, lost = math.nan, math.nan, math.nan, math.nan
+    held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
         held = 0.5 * (parent.held_out - child.held_out) / overdispersion
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
         agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))
         apart = _energy([p - c for p, c in zip(parent.left_held, child.left_held, strict=True)])
-        expected = 0.5 * float(np.sum(apart)) / overdispersion
+        foretold = 0.5 * float(np.sum(apart)) / overdispersion
+        expected = _in_proportion(judgement, raw)
     gain = float(np.sum(raw)) - child.occam + parent.occam
-    return Comparison(gain, held_gain, expected, agreeing, lost, material, share, len(parent.names), parent_gain)
+    return Comparison(
+        gain, held_gain, expected, foretold, agreeing, lost, material, share, len(parent.names), parent_gain
+    )
+
+
+def _in_proportion(judgement: Judgement, gains: Vector) -> float:
+    """What the held-out runs would gain if every sample gained as in the fitted runs of their kind [nats]."""
+
+    def kinds(objective: Objective) -> list[tuple[str, bool]]:
+        return [(run.run.experiment, run.run.brake) for run in objective.prepared]
+
+    sizes = np.array([sum(w.sizes) for w in judgement.objective.whiteners])
+    held_sizes = np.array([sum(w.sizes) for w in judgement.held.whiteners])
+    fitted, held = kinds(judgement.objective), kinds(judgement.held)
+    total = 0.0
+    for kind in dict.fromkeys(held):
+        theirs = np.array([k == kind for k in held])
+        mine = np.array([k == kind for k in fitted])
+        mine = mine if mine.any() else np.ones_like(mine)
+        total += float(gains[mine].sum() / max(sizes[mine].sum(), 1) * held_sizes[theirs].sum())
+    return total
 
 
 def score(judgement: Judgement, candidate: Judged) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -161,6 +162,22 @@ def held_out_json(
             else held_out_detail(problem, held, (base_theta, none), (theta, effects))
         ),
     }, augmented
+
+
+def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
+    """The same with the base as its model, where no name is given and the other model foretells held-out runs worse."""
+    decision, held = diagnosis.decision, diagnosis.split.held_out
+    base = diagnosis.judgement.base
+    if decision.verdict != "unknown" or decision.chosen is base or not held:
+        return diagnosis
+
+    def error(judged: Judged) -> float:
+        theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
+        return mean_error(channel_errors(diagnosis.problem, free, held, theta, effects, diagnosis.judgement.noise))
+
+    if error(decision.chosen) <= error(base):
+        return diagnosis
+    return replace(diagnosis, decision=replace(decision, chosen=base))
 
 
 def marginal(diagnosis: Diagnosis) -> dict[str, float]:

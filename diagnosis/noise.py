@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import uniform_filter1d
 
+from jointscope.diagnosis.assembly import OBSERVER_HZ
 from jointscope.diagnosis.input_noise import Pole, Ringing, ringing
 
 if TYPE_CHECKING:
@@ -30,8 +31,9 @@ ABOUT = (0.3, 1.0, 3.0)  # times the power of input noise that the torque log it
 NO_MATTER = 1e-3  # of the sensor's own power
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
-ANGULAR_FLOOR = (
-    0.0002  # the same of what an observed angle does: its innovation is the model's error twice integrated
+ANGULAR_FLOOR = 0.003  # the same of what an angle does within the quarter second that an observer does not follow
+RIGID_FLOOR = (
+    0.03  # and of a free inertia's, followed to 20 Hz: its innovation is the force's error, not the angle's
 )
 ENVELOPE_WINDOW = 0.05  # s
 FOLLOWED = 0.75  # periods of the observer's corner beyond which it follows an angle: a quarter second at 3 Hz
@@ -183,7 +185,9 @@ def block_noise(
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
-    share = ANGULAR_FLOOR if outputs[0].quantity in ANGULAR else RELATIVE_FLOOR
+    share = RELATIVE_FLOOR
+    if outputs[0].quantity in ANGULAR:
+        share = RIGID_FLOOR if outputs[0].followed_to > 2.0 * OBSERVER_HZ else ANGULAR_FLOOR
     floor = max(share * level, quantum / np.sqrt(12.0), 1e-300)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):

@@ -27,6 +27,7 @@ from jointscope.diagnosis.search import (
     extend,
     fit_pairs,
     fit_singles,
+    grown,
     profile_loss,
     rivals,
     screen_on,
@@ -144,8 +145,10 @@ def explore(
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, arena.hypotheses
-    known = {name for h in arena.hypotheses for name in h.names}
+    known = {h.names for h in arena.hypotheses}
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
+    for leader in [h for h in arena.hypotheses if len(h.specs) == 1][: effort.beam + 1]:
+        alike.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
     if alike:
         arena = settled(arena, alike, effort)
     report("fitting pairs")
@@ -154,6 +157,11 @@ def explore(
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
+        leader = arena.hypotheses[0]
+        if len(leader.names) == 2 and size == 3:  # each member may have stood in for its look-alike
+            known = {h.names for h in arena.hypotheses}
+            swapped = rivals(arena.objective, arena.base.fit, leader, candidates, known, effort)
+            arena = settled(arena, swapped, effort) if swapped else arena
         best = arena.hypotheses[0]
         parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
         if len(best.names) < size - 1 or size > effort.size:

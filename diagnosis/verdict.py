@@ -12,9 +12,12 @@ from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compare, score, standing
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
+WRONG_FORM = 0.01  # or this share of the best score: what a wrong form costs grows with what the effect explains
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.6  # probability of the leading set below which it is not named alone
-LACKING = 0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
+LACKING = (
+    0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
+)
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
@@ -52,6 +55,11 @@ class Decision:
     adequacy: Adequacy
 
 
+def temperature(best: float) -> float:
+    """Nats of score per nat of belief, where the best set scores ``best``."""
+    return max(TEMPERATURE, WRONG_FORM * best)
+
+
 def rank(judgement: Judgement) -> list[Ranked]:
     """Sets by tempered score, the base among them with score 0."""
     stands = {id(j) for j in standing(judgement)}
@@ -63,7 +71,7 @@ def rank(judgement: Judgement) -> list[Ranked]:
         if judged.names not in best or value > best[judged.names][0]:
             best[judged.names] = (value, judged)
     values = np.array([v for v, _ in best.values()])
-    weights = np.exp((values - values.max()) / TEMPERATURE)
+    weights = np.exp((values - values.max()) / temperature(float(values.max())))
     weights /= weights.sum()
     ranked = [
         Ranked(names, float(p), float(v), judged, compare(judgement, judgement.base, judged) if names else None)
@@ -96,7 +104,7 @@ def decide(judgement: Judgement) -> Decision:
     if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT:
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
-    near = [r for r in ranking if r.names and top.score - r.score < NEAR * TEMPERATURE]
+    near = [r for r in ranking if r.names and top.score - r.score < NEAR * temperature(top.score)]
     if top.probability < SURE and len(near) > 1:
         together = sum(r.probability for r in near)
         alike = tuple(r.names for r in near)
