@@ -27,6 +27,7 @@ from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.search import Hypothesis
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.coordinates import Coordinates
     from jointscope.diagnosis.prepare import PreparedRun
 
 Vector = NDArray[np.float64]
@@ -51,6 +52,7 @@ SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the pare
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 LIGHTLY = 0.1  # of the stated damping, another start
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
+POLISHING = 60  # simulations of all runs that a refit may take
 POLISHED = 4  # leading hypotheses that are refitted under the final noise
 
 
@@ -201,8 +203,17 @@ def _viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
 
 
 def _polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
-    fit = least_squares(objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=8)
+    fit = least_squares(
+        objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=8, simulations=POLISHING
+    )
     return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + _occam(hypothesis, len(fit.w)))
+
+
+def _stated(objective: Objective, where: Coordinates) -> tuple[Vector, Vector]:
+    """The base parameters as the campaign states them, and the same hardly damped."""
+    ringing = where.start.copy()
+    ringing[[name.startswith("damping") for name in objective.problem.base.names]] *= LIGHTLY
+    return where.start, ringing
 
 
 def _from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hypothesis]) -> Hypothesis:
@@ -212,11 +223,11 @@ def _from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hy
     """
     where = base.fit.coordinates
     found = [base.fit]
-    ringing = where.start.copy()  # as the campaign states it, hardly damped
-    ringing[[name.startswith("damping") for name in objective.problem.base.names]] *= LIGHTLY
-    starts = [where.start, ringing, *(h.fit.coordinates.unpack(h.fit.x)[0] for h in leading)]
+    starts = [h.fit.coordinates.unpack(h.fit.x)[0] for h in leading]
+    if all(run.mode != "braked" for run in objective.prepared):  # hits leave one optimum, motions several
+        starts.extend(_stated(objective, where))
     for start in starts:
-        fit = least_squares(objective, where, where.pack(start, ()), iterations=5, tolerance=1e-2, simulations=40)
+        fit = least_squares(objective, where, where.pack(start, ()), iterations=5, tolerance=1e-2, simulations=30)
         found.append(fit)
     best = min(found, key=lambda fit: fit.chi2)
     if best is base.fit:
@@ -238,8 +249,8 @@ def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> J
     """A hypothesis as it stands, under the noise of ``objective`` and ``held``."""
     theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
     predictions, held_predictions = objective.predictions(theta, effects), held.predictions(theta, effects)
-    fitted = _energy(_per_run(objective, predictions, theta))
-    left_held = _per_run(held, held_predictions, theta)
+    fitted = _energy(_per_run(objective, predictions))
+    left_held = _per_run(held, held_predictions)
     samples = sum(sum(w.sizes) for w in objective.whiteners)
     energies = error_energies((*objective.prepared, *held.prepared), (*predictions, *held_predictions))
     return Judged(
@@ -255,8 +266,8 @@ def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> J
     )
 
 
-def _per_run(objective: Objective, predictions: Predictions, theta: Vector) -> tuple[Vector, ...]:
-    return tuple(objective.whiten_run(i, p, theta) for i, p in enumerate(predictions))
+def _per_run(objective: Objective, predictions: Predictions) -> tuple[Vector, ...]:
+    return tuple(objective.whiten_run(i, p) for i, p in enumerate(predictions))
 
 
 def _energy(left: Sequence[Vector]) -> Vector:

@@ -1,18 +1,16 @@
-"""The noise of a logged torque, which reaches the accelerometer's prediction through the joint's own resonance.
+"""The noise of a logged torque, which moves an angle that an observer holds.
 
-A recorded input u + eta drives the model: what is left of the data is r = (G_0 - G_theta) u - G_theta eta + e, which
-rings at the joint's resonance where nothing was wrong with the model. Taken for white, the ringing is explained by
-whatever damps it. With G = N/A the residual is filtered by A_theta / B instead, B the spectral factor of
-|A|^2 + share w^4: monic over monic and minimum phase, so no determinant is owed, and what is left at the true theta is
-white (an ARMAX model's prediction error, Ljung 1999, section 4.2). A follows theta, B stays as it was when the noise was
-estimated. The filter takes the colour away, not the bias of estimates from an input whose noise rivals its signal at the
-resonance (Soderstrom 2007, on errors in variables).
+A recorded input u + eta drives the model; an observer with poles A ties it to the recorded angle, so what is left of
+that angle at the true parameters is -eta/(J A) + e. It is filtered by A/B, B the spectral factor of |A|^2 + share w^4:
+monic over monic and minimum phase, so no determinant is owed, and what is left is white (an ARMAX model's prediction
+error, Ljung 1999, section 4.2). What eta would make ring at the joint's own resonance is taken off the input itself
+(``input_estimate``).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,23 +31,15 @@ class Ringing:
     Attributes:
         numerator, denominator: Coefficients of A and B, shape (3,), the first 1.
         rate: Sampling rate [Hz].
-        follows: Whether A is the model's resonance, or else the observer's, which no parameter moves.
     """
 
     numerator: Vector
     denominator: Vector
     rate: float
-    follows: bool = True
 
     def __call__(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Filter along the first axis from rest; same shape."""
         return np.asarray(lfilter(self.numerator, self.denominator, x, axis=0))
-
-    def at(self, pole: Pole) -> Ringing:
-        """The same with A at another resonance, where it follows the model's."""
-        if not self.follows:
-            return self
-        return replace(self, numerator=second_order(*pole, self.rate))
 
 
 def ringing(pole: Pole, share: float, rate: float) -> Ringing:
@@ -59,8 +49,8 @@ def ringing(pole: Pole, share: float, rate: float) -> Ringing:
     1 - 2 zeta_b^2 = (1 - 2 zeta^2) / sqrt(1 + share).
 
     Args:
-        pole: Of the joint with its motor free.
-        share: Power of the torque's noise over the sensor's, both as seen by the sensor far below resonance [-].
+        pole: Of the observer.
+        share: Power of the torque's noise over the sensor's, both as seen by the sensor far below the pole [-].
         rate: Of the sensor [Hz].
     """
     frequency, zeta = pole
@@ -85,12 +75,10 @@ class Inlet:
     """How the noise of a torque log reaches the outputs of the model that was fitted.
 
     Attributes:
-        pole: Resonance of the joint with its motor free; ``None`` for a rig of one inertia.
         inertia: Of everything that moves [kg m^2 or kg].
         factor: Torque at the output per unit of the log [-].
     """
 
-    pole: Pole | None
     inertia: float
     factor: float
 
@@ -100,7 +88,7 @@ def inlet(problem: Problem, theta: Vector) -> Inlet:
     b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
     two = problem.rig.topology == "two-inertia"
     inertia = b["load_inertia"] + (b["motor_inertia"] if two else 0.0)
-    return Inlet(resonance(problem, theta), max(inertia, 1e-300), b["efficiency"] * b["torque_scale"])
+    return Inlet(max(inertia, 1e-300), b["efficiency"] * b["torque_scale"])
 
 
 def white_part(x: Vector) -> float:
@@ -115,18 +103,16 @@ def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, obser
 
     Args:
         run: Driven by a logged torque.
-        output: An acceleration, or an angle that an observer holds.
+        output: An angle that an observer holds.
         way: How torque becomes motion.
         step: The recorder's step [the output's unit].
-        observer: w_0 of the observer [rad/s], which turns a torque into an angle; 0 for an acceleration.
+        observer: w_0 of the observer [rad/s], which turns a torque into an angle.
     """
     if run.motor is None:
         return 0.0
     torque = way.factor * run.motor.noise / math.sqrt(run.motor.signal.rate)
     lever = run.ratio if output.location == "motor" else 1.0
-    if output.quantity == "linear-acceleration":
-        lever = output.radius or 1.0
-    reached = torque / way.inertia * lever / (observer**2 if observer > 0.0 else 1.0)
+    reached = torque / way.inertia * lever / observer**2
     own = max(white_part(output.data[output.mask]), step / math.sqrt(12.0), 1e-300) / math.sqrt(output.rate)
     return (reached / own) ** 2
 

@@ -9,7 +9,7 @@ timing: that part is per run, of rank two, and lives in ``whiten``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,7 +51,7 @@ class BlockNoise:
         sigma: Standard deviation of the innovation [the channel's unit].
         marginal: Standard deviation of the process itself [the channel's unit].
         kappa: Model error relative to the signal's envelope [-].
-        ringing: What the noise of a logged torque makes of the joint's resonance, taken off before ``ar``.
+        ringing: What the noise of a logged torque makes of an angle that an observer holds, taken off before ``ar``.
     """
 
     ar: Vector
@@ -181,7 +181,7 @@ def block_noise(
         residuals: Recorded minus predicted, one per output, shape (n,) each.
         max_order: Greatest autoregressive order.
         quantum: Step of the recorder [the output's unit].
-        pole: The resonance through which the noise of an input comes, where one does.
+        pole: The observer's, through which the noise of an input comes, where one does.
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
@@ -201,9 +201,7 @@ def block_noise(
     samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
     if pole is not None and share_of_input > NO_MATTER:
-        follows = outputs[0].quantity not in ANGULAR
-        found = (ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
-        filters.extend(replace(one, follows=follows) for one in found)
+        filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:
         quiet = scaled if candidate is None else [candidate(s) for s in scaled]

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.input_noise import resonance
 from jointscope.diagnosis.noise import NoiseModel
 from jointscope.diagnosis.whiten import RunWhitener, run_whitener
 
@@ -76,19 +75,19 @@ class Objective:
         """Predicted outputs of every run."""
         return tuple(self.map(lambda run: self.predict(run, theta, effects, self.problem), self.prepared))
 
-    def whiten_run(self, position: int, predicted: Sequence[Vector], theta: Vector) -> Vector:
-        """w of one run as predicted with the base at ``theta``, shape (n_kept,)."""
+    def whiten_run(self, position: int, predicted: Sequence[Vector]) -> Vector:
+        """w of one run as predicted, shape (n_kept,)."""
         run = self.problem.runs[self.runs[position]]
         whitener = self.whiteners[position]
         if not all(np.all(np.isfinite(y)) for y in predicted):
             return np.full(sum(whitener.sizes), DIVERGED)
         left = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
-        return whitener(left, resonance(self.problem, theta))[:, 0]
+        return whitener(left)[:, 0]
 
     def run_residual(self, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Vector:
         """Predict and whiten one run."""
         run = self.problem.runs[self.runs[position]]
-        return self.whiten_run(position, self.predict(run, theta, effects, self.problem), theta)
+        return self.whiten_run(position, self.predict(run, theta, effects, self.problem))
 
     def residual(self, x: Vector, where: Coordinates) -> Vector:
         """w at ``x``, runs stacked, shape (n,)."""

@@ -44,7 +44,7 @@ def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
     theta, effects = where.unpack(stage.fit.x)
     predictions = everything.predictions(theta, effects)
     everything = whitened(everything, stage.noise, predictions)
-    w = np.concatenate([everything.whiten_run(i, p, theta) for i, p in enumerate(predictions)])
+    w = np.concatenate([everything.whiten_run(i, p) for i, p in enumerate(predictions)])
     position = int(np.flatnonzero(where.free == problem.base.names.index(name))[0])
     column = everything.columns(stage.fit.x, where, w, [position])[:, 0]
     step, error = np.zeros(len(problem.runs)), np.full(len(problem.runs), np.inf)

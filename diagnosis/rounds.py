@@ -110,9 +110,8 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
     coloured, _, after = rewhiten(arena.objective, child.fit, arena.noise, MAX_ORDER)
     before = arena.objective.predictions(*parent.fit.coordinates.unpack(parent.fit.x))
     gain = 0.0
-    old_base, new_base = (h.fit.coordinates.unpack(h.fit.x)[0] for h in (parent, child))
     for i in range(len(coloured.runs)):
-        old, new = coloured.whiten_run(i, before[i], old_base), coloured.whiten_run(i, after[i], new_base)
+        old, new = coloured.whiten_run(i, before[i]), coloured.whiten_run(i, after[i])
         gain += 0.5 * float(old @ old - new @ new)
     runs = arena.objective.prepared
     parents = error_energies(runs, before)

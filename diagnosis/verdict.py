@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,8 +14,15 @@ from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compa
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 WRONG_FORM = 0.01  # or this share of the best score: what a wrong form costs grows with what the effect explains
+SPARING = (
+    0.0,
+    0.0,
+    -2.5,
+    -5.0,
+)  # nats of belief by the number of effects: there are more sets than single effects
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
-SURE = 0.6  # probability of the leading set below which it is not named alone
+SURE = 0.6  # probability of the leading effect below which it is not named alone
+SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in for a look-alike
 LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 )
@@ -42,7 +50,7 @@ class Decision:
     Attributes:
         chosen: The hypothesis whose model is handed on: the named set, or the base.
         probability: Of the verdict as a whole.
-        candidates: Sets that the recordings can't tell apart, where that is the reason.
+        candidates: Sets that the recordings can't tell apart; where they share an effect, that one is named.
         adequacy: The chosen model against the base and the noise floor.
     """
 
@@ -71,13 +79,14 @@ def rank(judgement: Judgement) -> list[Ranked]:
         if judged.names not in best or value > best[judged.names][0]:
             best[judged.names] = (value, judged)
     values = np.array([v for v, _ in best.values()])
-    weights = np.exp((values - values.max()) / temperature(float(values.max())))
+    belief = values / temperature(float(values.max())) + [SPARING[min(len(names), 3)] for names in best]
+    weights = np.exp(belief - belief.max())
     weights /= weights.sum()
     ranked = [
         Ranked(names, float(p), float(v), judged, compare(judgement, judgement.base, judged) if names else None)
         for (names, (v, judged)), p in zip(best.items(), weights, strict=True)
     ]
-    return sorted(ranked, key=lambda r: -r.score)
+    return sorted(ranked, key=lambda r: (-r.probability, -r.score))
 
 
 def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
@@ -105,11 +114,25 @@ def decide(judgement: Judgement) -> Decision:
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     near = [r for r in ranking if r.names and top.score - r.score < NEAR * temperature(top.score)]
-    if top.probability < SURE and len(near) > 1:
+    if top.probability < (SURE if len(top.names) == 1 else SURE_OF_SETS) and len(near) > 1:
+        shared = _shared(ranking, near)
+        if shared is not None:
+            sure = sum(r.probability for r in ranking if set(shared.names) <= set(r.names))
+            alike = tuple(r.names for r in near)
+            return Decision(
+                "effects", shared.judged, sure, ranking, None, alike, adequacy_of(judgement, shared.judged)
+            )
         together = sum(r.probability for r in near)
         alike = tuple(r.names for r in near)
         return Decision("unknown", top.judged, together, ranking, "not-identifiable", alike, fit)
     return Decision("effects", top.judged, top.probability, ranking, None, (), fit)
+
+
+def _shared(ranking: Sequence[Ranked], near: Sequence[Ranked]) -> Ranked | None:
+    """What all sets that can't be told apart have in common, where it stands by itself: that much is known."""
+    common = set(near[0].names).intersection(*(r.names for r in near[1:]))
+    found = next((r for r in ranking if r.names and set(r.names) == common), None)
+    return found if found is not None and found.score > 0.0 else None
 
 
 def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:

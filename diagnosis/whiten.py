@@ -51,13 +51,13 @@ class OutputFilter:
     sections: NDArray[np.float64] | None = None  # high-pass below the excitation, second-order sections
     ringing: Ringing | None = None
 
-    def __call__(self, r: NDArray[np.float64], pole: Pole | None = None) -> NDArray[np.float64]:
-        """Filter columns, shape (n, k) -> (n_kept, k); ``pole``: resonance of the model that left them."""
+    def __call__(self, r: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Filter columns, shape (n, k) -> (n_kept, k)."""
         if self.sections is not None:
             r = asked_only(r, self.sections)
         scaled = r * self.weight[:, None]
         if self.ringing is not None:
-            scaled = (self.ringing if pole is None else self.ringing.at(pole))(scaled)
+            scaled = self.ringing(scaled)
         filtered = scaled if len(self.ar) == 1 else lfilter(self.ar, [1.0], scaled, axis=0)
         return filtered[self.keep] / self.sigma
 
@@ -89,15 +89,15 @@ class RunWhitener:
             total += float(np.sum(np.log(f.weight[f.keep]))) - len(f.keep) * float(np.log(f.sigma))
         return total
 
-    def filter(self, arrays: Sequence[NDArray[np.float64]], pole: Pole | None = None) -> NDArray[np.float64]:
+    def filter(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """L^-1 of stacked outputs; each array of shape (n,) or (n, k)."""
         return np.concatenate(
-            [f(a.reshape(len(a), -1), pole) for f, a in zip(self.filters, arrays, strict=True)], axis=0
+            [f(a.reshape(len(a), -1)) for f, a in zip(self.filters, arrays, strict=True)], axis=0
         )
 
-    def __call__(self, arrays: Sequence[NDArray[np.float64]], pole: Pole | None = None) -> NDArray[np.float64]:
-        """w for residuals or columns of a model with this resonance, shape (n_kept, k)."""
-        w = self.filter(arrays, pole)
+    def __call__(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """w for residuals or columns, shape (n_kept, k)."""
+        w = self.filter(arrays)
         if self.shrink.size:
             w = w - self.directions @ (self.shrink[:, None] * (self.directions.T @ w))
         return w
@@ -225,7 +225,7 @@ def estimate_noise(
     ``way`` is how the noise of a logged torque reaches the outputs of the model that predicted.
     """
     gain, timing, _ = hit_scatter(runs, before, predictions)
-    poles: dict[Key, Pole | None] = {}
+    poles: dict[Key, Pole] = {}
     shares: dict[Key, list[float]] = {}
     for run in runs:
         for output in run.outputs:

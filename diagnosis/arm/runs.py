@@ -15,7 +15,7 @@ from jointscope.diagnosis.arm.geometry import ArmFacts
 from jointscope.diagnosis.arm.plant import arm_plant
 from jointscope.diagnosis.arm.problem import ArmRun
 from jointscope.diagnosis.contact import contact_only
-from jointscope.diagnosis.inputs import Drive, motor_torque, speed_command
+from jointscope.diagnosis.inputs import Drive, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.problem import Output
 from jointscope.errors import RefusedError
 from jointscope.models.arm.holding import Probe
@@ -146,13 +146,16 @@ def _torque(run: Run, rig: Nameplate, facts: ArmFacts, joint: int) -> Drive | No
     """n T_e [N m] of the joint that moves."""
     plate = replace(rig, reduction_ratio=float(facts.ratio[joint]))
     found = motor_torque(run, plate)
-    if found is not None or not run.select("phase-current"):
-        return found
+    if found is not None:
+        return without_noise(found)
+    if not run.select("phase-current"):
+        return None
     holding = float(facts.reference.gravity(run.posture)[joint]) / float(facts.ratio[joint])
     signed = torque_from_currents(run, plate, holding, run.joint)
     samples = signed.values * float(facts.ratio[joint])
     signal = bandlimited(samples, signed.rate, float(signed.times[0]))
-    return Drive(signal, run.select("phase-current")[0].device, float(facts.ratio[joint]), True, samples)
+    device = run.select("phase-current")[0].device
+    return without_noise(Drive(signal, device, float(facts.ratio[joint]), True, samples))
 
 
 def _outputs(run: Run) -> tuple[list[Signal], Signal | None]:

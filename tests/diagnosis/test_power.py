@@ -62,7 +62,9 @@ def test_more_noise_hides_more(judged):
     noise_limited = 0
     for quiet, loud in zip(sizes[0.01], sizes[0.5], strict=True):
         assert quiet.size is not None and loud.size is not None
-        if quiet.limited_by == loud.limited_by == "materiality":  # what counts as material does not depend on noise
+        if (
+            quiet.limited_by == loud.limited_by == "materiality"
+        ):  # what counts as material does not depend on noise
             assert loud.size == pytest.approx(quiet.size, rel=0.15)
         else:
             noise_limited += 1

@@ -1,0 +1,46 @@
+"""The estimate of a noisy log: the log itself without noise, less noise with it, a transient where it was."""
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.input_estimate import estimated_input
+from jointscope.diagnosis.input_noise import white_part
+
+RATE = 800.0
+T = np.arange(4000) / RATE
+SLOW = 40.0 * np.sin(2.0 * np.pi * 0.5 * T) * np.clip((T - 0.5) * 1.2, 0.0, 1.0)
+BURST = 10.0 * np.exp(-(((T - 2.0) / 0.05) ** 2)) * np.cos(2.0 * np.pi * 30.0 * T)
+
+
+def test_a_log_without_noise_is_left_alone():
+    np.testing.assert_allclose(estimated_input(SLOW + BURST, RATE), SLOW + BURST, atol=2e-3)
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5])
+def test_most_of_the_noise_goes_and_the_transient_stays(noise):
+    u = SLOW + BURST
+    x = estimated_input(u + noise * np.random.default_rng(0).standard_normal(T.size), RATE)
+    assert np.std(x - u) < 0.35 * noise
+    window = slice(1500, 1700)
+    assert np.corrcoef((x - SLOW)[window], BURST[window])[0, 1] > 0.99
+
+
+def test_noise_alone_is_nearly_silenced():
+    eta = np.random.default_rng(1).standard_normal(T.size)
+    assert np.std(estimated_input(eta, RATE)) < 0.3
+
+
+def test_a_steady_torque_keeps_its_mean():
+    eta = np.random.default_rng(2).standard_normal(T.size)
+    assert np.mean(estimated_input(30.0 + eta, RATE)) == pytest.approx(30.0, abs=0.1)
+
+
+def test_a_short_log_is_left_alone():
+    short = np.random.default_rng(3).standard_normal(50)
+    assert estimated_input(short, RATE) is short
+
+
+def test_what_was_taken_off_is_white():
+    noise = 0.5
+    y = SLOW + noise * np.random.default_rng(4).standard_normal(T.size)
+    assert white_part(y - estimated_input(y, RATE)) == pytest.approx(noise, rel=0.2)
