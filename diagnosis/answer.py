@@ -16,6 +16,7 @@ from jointscope.diagnosis.held_out_detail import held_out_detail
 from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
+from jointscope.diagnosis.remainder import remainder_json
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.pipeline import Diagnosis
@@ -233,6 +234,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "unknown_reason": decision.unknown_reason,
         "parameter_shift": parameter_shift(problem, chosen, found),
         **next_json(diagnosis),
+        "remainder": remainder_json(diagnosis.remainder),
         "not_seen": unseen_json(diagnosis.not_seen),
         "noise": {
             "hit_gain": judgement.noise.gain,

@@ -16,10 +16,11 @@ from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.power import Unseen, unseen
+from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.split import Split, split_runs
-from jointscope.diagnosis.verdict import Decision, decide, with_unknown_force
+from jointscope.diagnosis.verdict import Decision, decide, with_remainder, with_unknown_force
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -43,6 +44,7 @@ class Diagnosis:
         black_box: The best of them fitted: what flexibility alone buys.
         suggestion: The recording to make next, where one is needed.
         not_seen: Effects that were not found, and the size that would have shown.
+        remainder: What the chosen model leaves that still follows the input, per kind of channel.
     """
 
     problem: Problem
@@ -55,6 +57,7 @@ class Diagnosis:
     black_box: Judged | None
     suggestion: Suggestion | None = None
     not_seen: tuple[Unseen, ...] = ()
+    remainder: tuple[Remainder, ...] = ()
 
 
 def diagnose(
@@ -82,6 +85,8 @@ def diagnose(
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
+    left = remainders(judgement, decision.chosen)
+    decision = with_remainder(decision, left)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None
@@ -92,4 +97,6 @@ def diagnose(
     report("weighing what could not have been seen")
     found = decision.chosen if decision.verdict == "effects" else judgement.base
     missed = unseen(problem, judgement, found, specs, pool)
-    return Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box, suggestion, missed)
+    return Diagnosis(
+        problem, split, stage, screening, judgement, decision, where, black_box, suggestion, missed, left
+    )

@@ -11,6 +11,7 @@ import numpy as np
 
 from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compare, score, standing
+from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 WRONG_FORM = 0.01  # or this share of the best score: what a wrong form costs grows with what the effect explains
@@ -29,6 +30,7 @@ LACKING = (
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
+MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
 
 
@@ -126,6 +128,27 @@ def decide(judgement: Judgement) -> Decision:
         alike = tuple(r.names for r in near)
         return Decision("unknown", top.judged, together, ranking, "not-identifiable", alike, fit)
     return Decision("effects", top.judged, top.probability, ranking, None, (), fit)
+
+
+def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
+    """The answer in view of what still follows the input: there it is not all of it, and with nothing named, unknown."""
+    standing_out = [r for r in left if r.stands]
+    if not standing_out or decision.verdict == "unknown":
+        return decision
+    most = max(r.gain for r in standing_out)
+    if decision.verdict == "none":
+        return replace(
+            decision, verdict="unknown", probability=_beyond(most / FOLLOWS), unknown_reason="outside-catalogue"
+        )
+    named = next(r.score for r in decision.ranking if r.judged is decision.chosen)
+    if most < MORE_LEFT * named:
+        return decision
+    return replace(
+        decision,
+        verdict="unknown",
+        probability=_beyond(most / (MORE_LEFT * named)),
+        unknown_reason="outside-catalogue",
+    )
 
 
 def _shared(ranking: Sequence[Ranked], near: Sequence[Ranked]) -> Ranked | None:

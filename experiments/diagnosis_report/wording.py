@@ -164,7 +164,8 @@ def verdict_sentence(answer: dict[str, Any], *, translational: bool) -> str:
         if answer["held_out"]
         else "A candidate only, as no run could be held out: the model leaves out"
     )
-    return f"{kind} {'; and '.join(parts)}; probability {sure}{_fit(answer, 'augmented_error')}."
+    fit = _fit(answer, "augmented_error")
+    return f"{kind} {'; and '.join(parts)}; probability {sure}{fit}.{_beside(answer, translational)}"
 
 
 def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
@@ -179,8 +180,22 @@ def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
         )
     return (
         "The recordings differ from the model by more than their noise, and no effect of the catalogue explains it "
-        f"(probability {sure})."
+        f"(probability {sure}).{_following(answer)}"
     )
+
+
+def _following(answer: dict[str, Any]) -> str:
+    """Where the residual still follows the input, if anywhere."""
+    left = answer.get("remainder") or []
+    return f" In {left[0]['sentence']}." if left else ""
+
+
+def _beside(answer: dict[str, Any], translational: bool) -> str:
+    """What a further effect may be, where the recordings leave that open."""
+    named = {f"{e['effect']}@{e['location']}" for e in answer["effects"]}
+    others = [[n for n in names if n not in named] for names in answer.get("candidates") or []]
+    listed = [" with ".join(called(n, translational=translational) for n in names) for names in others if names]
+    return f" Beside it these recordings can't tell: {'; or '.join(listed[:4])}." if listed else ""
 
 
 def _fit(answer: dict[str, Any], key: str) -> str:

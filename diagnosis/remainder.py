@@ -1,0 +1,145 @@
+"""Whether what a model leaves still follows what drove the run: a test that needs no candidate.
+
+Per kind of channel the whitened residual is regressed on the inputs at a few lags and on what was predicted, squared with
+its sign; the base's own tangents stay free. The coefficients of the fitted runs are then held against the held-out ones.
+Noise cannot carry over; whatever does is physics, or a fault of the recording, that the model lacks (B.2, stage 2b).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.adjudicate import AS_FORETOLD, HELD, MATERIAL, Judged, Judgement
+from jointscope.diagnosis.noise import ANGULAR, Key, block_key, dynamic_level
+from jointscope.diagnosis.objective import Objective
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.prepare import Output, PreparedRun
+
+Vector = NDArray[np.float64]
+
+LAGS = np.arange(-4, 13, 2) * 1e-3  # s; past inputs count further back than coming ones
+RIDGE = 1e-6
+FOLLOWS = 20.0  # nats, net of Occam, above which a residual is said to follow the input
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What one kind of channel still owes to the input.
+
+    Attributes:
+        gain: On the fitted runs, net of Occam [nats].
+        held_gain, foretold: On the held-out runs, found and due if true [nats].
+        material: RMS of what is explained over the signal's [-].
+    """
+
+    key: Key
+    gain: float
+    held_gain: float
+    foretold: float
+    material: float
+
+    @property
+    def stands(self) -> bool:
+        """Real, carried over and material."""
+        due = max(HELD, AS_FORETOLD * self.foretold)
+        return self.gain > FOLLOWS and self.held_gain > due and self.material > MATERIAL
+
+
+def _regressors(run: PreparedRun, output: Output, predicted: Vector) -> NDArray[np.float64]:
+    """Columns at the output's samples, shape (n, k): inputs at lags, and the prediction squared with its sign."""
+    columns = []
+    for drive in (run.motor if run.motor_moves else None, run.load):
+        for lag in LAGS:
+            columns.append(np.zeros(len(output.times)) if drive is None else drive.signal(output.times - lag))
+    departure = predicted - np.median(predicted)
+    columns.extend([departure * np.abs(departure), departure**3])
+    return np.stack(columns, axis=1)
+
+
+def _whitened(
+    objective: Objective, position: int, which: int, columns: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Columns of one output of one run as the objective whitens them, the run's other outputs silent."""
+    run = objective.prepared[position]
+    arrays = [
+        columns if k == which else np.zeros((len(o.data), columns.shape[1])) for k, o in enumerate(run.outputs)
+    ]
+    return objective.whiteners[position](arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    w: Vector
+    columns: NDArray[np.float64]
+    raw: NDArray[np.float64]
+    signal: float
+
+
+def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
+    predictions = judged.predictions_held if held else judged.predictions
+    w, columns, raw, signal = [], [], [], 0.0
+    for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
+        for k, output in enumerate(run.outputs):
+            if block_key(run, output) != key:
+                continue
+            x = _regressors(run, output, predicted[k])
+            w.append(objective.whiten_run(i, predicted))
+            columns.append(_whitened(objective, i, k, x))
+            raw.append(x[output.mask])
+            signal += dynamic_level(output) ** 2 * int(output.mask.sum())
+    if not w:
+        return _Rows(np.zeros(0), np.zeros((0, 2 * len(LAGS) + 2)), np.zeros((0, 2 * len(LAGS) + 2)), 0.0)
+    return _Rows(np.concatenate(w), np.concatenate(columns), np.concatenate(raw), signal)
+
+
+def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
+    """Every kind of channel that was fitted and held out; angles that an observer follows hold their input already."""
+    objective, held = judgement.objective, judgement.held
+    if not held.runs:
+        return ()
+    keys = dict.fromkeys(
+        block_key(run, o) for run in objective.prepared for o in run.outputs if o.quantity not in ANGULAR
+    )
+    found = []
+    for key in keys:
+        fitted, kept = _rows(objective, judged, key, False), _rows(held, judged, key, True)
+        if kept.w.size == 0:
+            continue
+        size = np.linalg.norm(fitted.columns, axis=0)
+        alive = size > 1e-9 * max(float(size.max()), 1e-300)
+        if not alive.any():
+            continue
+        a = fitted.columns[:, alive] / size[alive]
+        normal = a.T @ a + RIDGE * np.eye(a.shape[1])
+        step = np.linalg.solve(normal, a.T @ fitted.w) / size[alive]
+        dispersion = max(1.0, float(fitted.w @ fitted.w) / fitted.w.size)
+        left = fitted.w - fitted.columns[:, alive] @ step
+        gain = 0.5 * float(fitted.w @ fitted.w - left @ left) / dispersion
+        gain -= 0.5 * int(alive.sum()) * math.log(fitted.w.size)
+        change = kept.columns[:, alive] @ step
+        held_gain = 0.5 * float(kept.w @ kept.w - (kept.w - change) @ (kept.w - change)) / dispersion
+        explained = fitted.raw[:, alive] @ step
+        material = math.sqrt(float(explained @ explained) / fitted.signal) if fitted.signal > 0.0 else 0.0
+        found.append(Remainder(key, gain, held_gain, 0.5 * float(change @ change) / dispersion, material))
+    return tuple(sorted(found, key=lambda r: -r.gain))
+
+
+def remainder_json(left: Sequence[Remainder]) -> list[dict[str, Any]]:
+    """``remainder`` of diagnosis.json: the kinds of channel whose residual still follows the input."""
+    return [
+        {
+            "experiment": r.key[0], "channel": f"{r.key[2]}@{r.key[3]}", "gain_nats": round(r.gain, 1),
+            "held_out_gain_nats": round(r.held_gain, 1), "share_of_signal": round(r.material, 5),
+            "sentence": f"{r.key[0]}, {r.key[2]} of the {r.key[3]}: {100.0 * r.material:.2g} % of the signal still follows "
+            "the input, in runs that were not fitted too",
+        }
+        for r in left
+        if r.stands
+    ]  # fmt: skip
