@@ -11,6 +11,7 @@ import numpy as np
 
 from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compare, score, standing
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
@@ -27,6 +28,7 @@ SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in fo
 LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 )
+GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
@@ -99,18 +101,22 @@ def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
     return adequacy(runs, judgement.noise, base, model)
 
 
+def grows_with_signal(judgement: Judgement) -> float:
+    """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent."""
+    blocks = judgement.noise.blocks.items()
+    return max((noise.kappa for key, noise in blocks if key[2] in ACCELERATIONS), default=0.0)
+
+
 def decide(judgement: Judgement) -> Decision:
     """The verdict on the evidence."""
     ranking = tuple(rank(judgement))
     top = ranking[0]
     fit = adequacy_of(judgement, top.judged)
     if not top.names:
-        lack = fit.base_left
-        if lack > LACKING:
-            return Decision(
-                "unknown", judgement.base, _beyond(lack / LACKING), ranking, "outside-catalogue", (), fit
-            )
-        sure = top.probability * _beyond(LACKING / max(lack, 1e-9))
+        lack = max(fit.base_left / LACKING, grows_with_signal(judgement) / GROWING)
+        if lack > 1.0:
+            return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)
+        sure = top.probability * _beyond(1.0 / max(lack, 1e-9))
         return Decision("none", judgement.base, sure, ranking, None, (), fit)
     if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT:
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
@@ -133,7 +139,7 @@ def decide(judgement: Judgement) -> Decision:
 def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     """The answer in view of what still follows the input: there it is not all of it, and with nothing named, unknown."""
     standing_out = [r for r in left if r.stands]
-    if not standing_out or decision.verdict == "unknown":
+    if not standing_out or decision.verdict == "unknown" or decision.candidates:
         return decision
     most = max(r.gain for r in standing_out)
     if decision.verdict == "none":
