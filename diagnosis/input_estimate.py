@@ -9,6 +9,8 @@ S the local power, S_eta that of the log's own white part: where the log holds a
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
@@ -23,7 +25,14 @@ WINDOW = 0.25  # s
 OVERLAP = 4  # windows over any sample
 SMOOTHED = 3  # cells of frequency and of time over which the local power is averaged
 OVER = 2.0  # times the noise's power that is taken off: the local power is itself uncertain
+TOP = 0.8  # of half the sampling rate, above which a torque holds noise only
 NO_NOISE = 1e-5  # of the log's peak, below which it is left alone
+
+
+def _at_the_top(z: NDArray[np.complex128], window: Vector) -> float:
+    """Standard deviation of the white noise whose power the highest frequencies hold: a sweep leaves them alone."""
+    top = np.square(np.abs(z[int(TOP * len(z)) : -1]))
+    return float(np.sqrt(np.median(top) / math.log(2.0) / np.sum(np.square(window)))) if top.size else 0.0
 
 
 def estimated_input(samples: Vector, rate: float) -> Vector:
@@ -34,8 +43,7 @@ def estimated_input(samples: Vector, rate: float) -> Vector:
         rate: Of the log [Hz].
     """
     length = OVERLAP * max(2, round(WINDOW * rate / OVERLAP))
-    noise = white_part(samples)
-    if len(samples) < 2 * length or not noise > NO_NOISE * float(np.max(np.abs(samples))):
+    if len(samples) < 2 * length:
         return samples
     step = length // OVERLAP
     ends = 2.0 * samples[[0, -1]]  # odd reflection: no step at the ends
@@ -43,6 +51,9 @@ def estimated_input(samples: Vector, rate: float) -> Vector:
     window = hann(length, sym=False)
     transform = ShortTimeFFT(window, step, rate, scale_to=None)
     z = transform.stft(padded)
+    noise = min(white_part(samples), _at_the_top(z, window))
+    if not noise > NO_NOISE * float(np.max(np.abs(samples))):
+        return samples
     power = uniform_filter(np.square(np.abs(z)), SMOOTHED, mode="nearest")
     white = noise**2 * float(np.sum(np.square(window)))
     kept = z * np.maximum(1.0 - OVER * white / np.maximum(power, 1e-300), 0.0)

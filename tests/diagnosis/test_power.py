@@ -64,8 +64,8 @@ def test_more_noise_hides_more(judged):
         assert quiet.size is not None and loud.size is not None
         if (
             quiet.limited_by == loud.limited_by == "materiality"
-        ):  # what counts as material does not depend on noise
-            assert loud.size == pytest.approx(quiet.size, rel=0.15)
+        ):  # a share of what the channel does, noise included
+            assert loud.size > 0.5 * quiet.size
         else:
             noise_limited += 1
             assert loud.size > 1.1 * quiet.size
