@@ -52,8 +52,8 @@ SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the pare
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 LIGHTLY = 0.1  # of the stated damping, another start
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
-POLISHING = 60  # simulations of all runs that a refit may take
-POLISHED = 4  # leading hypotheses that are refitted under the final noise
+POLISHING = 40  # simulations of all runs that a refit may take
+POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,8 +241,9 @@ def _occam(hypothesis: Hypothesis, samples: int) -> float:
     return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2)) + chosen_runs
 
 
-def _profiled(hypothesis: Hypothesis, runs: int) -> float:
-    return PROFILED * runs * sum(spec.profiled for spec in hypothesis.fit.coordinates.effects)
+def profiled(hypothesis: Hypothesis) -> int:
+    """Numbers of a hypothesis that every run has for itself."""
+    return sum(spec.profiled for spec in hypothesis.fit.coordinates.effects)
 
 
 def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> Judged:
@@ -258,8 +259,8 @@ def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> J
         fitted,
         _energy(left_held),
         left_held,
-        _occam(hypothesis, samples) + _profiled(hypothesis, len(objective.runs)),
-        _profiled(hypothesis, len(held.runs)),
+        _occam(hypothesis, samples) + PROFILED * len(objective.runs) * profiled(hypothesis),
+        PROFILED * len(held.runs) * profiled(hypothesis),
         energies,
         predictions,
         held_predictions,

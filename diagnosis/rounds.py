@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import MATERIAL, error_energies, improvement
+from jointscope.diagnosis.adjudicate import MATERIAL, PROFILED, error_energies, improvement, profiled
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
-from jointscope.diagnosis.per_run import per_run_specs
+from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import (
     Effort,
@@ -109,7 +109,8 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
         return False
     coloured, _, after = rewhiten(arena.objective, child.fit, arena.noise, MAX_ORDER)
     before = arena.objective.predictions(*parent.fit.coordinates.unpack(parent.fit.x))
-    gain = 0.0
+    gain = PROFILED * len(coloured.runs) * (profiled(parent) - profiled(child))
+    gain -= sum(labelling_cost(spec) for spec in child.specs) - sum(labelling_cost(spec) for spec in parent.specs)
     for i in range(len(coloured.runs)):
         old, new = coloured.whiten_run(i, before[i]), coloured.whiten_run(i, after[i])
         gain += 0.5 * float(old @ old - new @ new)

@@ -59,18 +59,18 @@ class Effort:
         worth: Decrease of w'w below which a candidate is not fitted.
     """
 
-    screen_hits: int = 4
+    screen_hits: int = 3
     screen_others: int = 1
     hits: int = 5
     others: int = 2
-    singles: int = 11
+    singles: int = 9
     refine: int = 24
     beam: int = 2
-    children: int = 3
+    children: int = 2
     pairs: int = 2
     size: int = 3
-    fit_simulations: int = 45
-    polished: int = 4
+    fit_simulations: int = 36
+    polished: int = 3
     worth: float = 10.0
 
 
