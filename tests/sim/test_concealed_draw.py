@@ -10,8 +10,8 @@ import pytest
 
 from jointscope.cli import main
 from jointscope.recordings.reader import read_campaign
-from jointscope.sim.concealed import catalogue, seal
-from jointscope.sim.concealed.draw import Order, case_name, draw_bench
+from jointscope.sim.concealed import catalogue, draw, seal
+from jointscope.sim.concealed.draw import REDRAWN, Order, case_name, draw_bench, recorded
 from jointscope.sim.concealed.paperwork import npz_bytes
 from jointscope.sim.concealed.production import produce
 
@@ -150,3 +150,25 @@ def _silence(bench, take):
     if take.kind == "speed-motion":
         record["command"] = log
     return record
+
+
+@pytest.mark.parametrize("flights", [1, REDRAWN])
+def test_a_case_that_flies_apart_is_drawn_anew_a_few_times(monkeypatch, flights):
+    """Other effects on the same bench; a draw of nulls has none, so what is recorded is the same."""
+    order, tried = Order(5, 1, "nulls", "development"), []
+    rehearse = draw.rehearse
+
+    def flying(rig, plan, effects, runs):
+        tried.append(rig)
+        if len(tried) <= flights:
+            raise FloatingPointError("diverged")
+        return rehearse(rig, plan, effects, list(runs)[:1])
+
+    monkeypatch.setattr(draw, "rehearse", flying)
+    if flights == REDRAWN:
+        with pytest.raises(FloatingPointError):
+            recorded(order, 0)
+    else:
+        case, clean = recorded(order, 0)
+        assert case.kind == "null" and len(clean) == 1
+    assert len(tried) == min(flights + 1, REDRAWN)
