@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.recordings.campaign import Nameplate
 
-MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate, and below, that a fit may come to
-UNSTATED_REDUCER = 2.0  # times the stated inertia that a motor side may have with the reducer that is not stated
+MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate beyond which a start that no hit gave is not believed
 OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
 
 
@@ -142,12 +141,14 @@ def stated_figures(rig: Nameplate) -> dict[str, float]:
     return {name: value for name, value in figures.items() if value is not None}
 
 
-def near_nameplate(base: BaseSpec, rig: Nameplate) -> BaseSpec:
-    """The same, started from the nameplate where the recordings' own start is beyond what a maker may be off by.
+def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
+    """The same, started from the nameplate where motions alone gave a start beyond what a maker may be off by.
 
-    K and J_L can be off together by any factor where their ratio alone shows, and a sensor's fault makes that ratio
-    look like another joint's.
+    A motion shows little more than the ratio of K and J_L, and a sensor's fault makes that ratio look like another
+    joint's. A hit gives both, whatever the nameplate says: its figures are starts, never bounds.
     """
+    if any(run.mode == "braked" for run in runs):
+        return base
     stated = stated_figures(rig)
     off = [abs(math.log(base.start[BASE_INDEX[n]] / v)) > math.log(MAKERS_FIGURE) for n, v in stated.items()]
     if not any(off):
@@ -162,7 +163,7 @@ def near_nameplate(base: BaseSpec, rig: Nameplate) -> BaseSpec:
 
 def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
     """Bounds and scales around the start values: dampings may vanish, inertias and stiffness stay positive."""
-    base = near_nameplate(base, rig)
+    base = near_nameplate(base, runs, rig)
     b = dict(zip(BASE_NAMES, base.start, strict=True))
     critical = 2.0 * math.sqrt(b["stiffness"] * b["load_inertia"])
     largest = max((float(np.max(np.abs(run.motor_half))) for run in runs if run.motor is not None), default=0.0)
@@ -192,15 +193,10 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     upper[BASE_INDEX["efficiency"]] = 2.0
     i = BASE_INDEX["motor_inertia"]
     lower[i] = max(lower[i], min(known_inertia(rig), base.start[i]))
-    if rig.motor_inertia is not None:
-        upper[i] = max(UNSTATED_REDUCER * known_inertia(rig), base.start[i])
     for name in ("damping", "motor_damping", "load_damping", "drive_integral"):
         upper[BASE_INDEX[name]] = 1e3 * scale[name]
     if b["damping"] > 0.0:
         upper[BASE_INDEX["damping"]] = max(OVERDAMPED * critical, 10.0 * b["damping"])
-    for name, stated in stated_figures(rig).items():
-        i = BASE_INDEX[name]
-        lower[i], upper[i] = stated / MAKERS_FIGURE, stated * MAKERS_FIGURE
     for name in ("gravity_moment", "torque_offset"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = -1e3 * scales[i], 1e3 * scales[i]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.adjudicate import REAL, Comparison
-from jointscope.diagnosis.parameters import MAKERS_FIGURE, near_nameplate
+from jointscope.diagnosis.parameters import bounded, near_nameplate
 from jointscope.diagnosis.verdict import TEMPERATURE, temperature
 
 FOUND = Comparison(
@@ -59,14 +59,32 @@ def test_belief_is_tempered_by_what_is_explained():
     assert temperature(1e5) == pytest.approx(1e3)
 
 
-def test_a_start_an_order_of_magnitude_off_the_nameplate_is_not_believed(problem):
+def test_a_start_that_motions_gave_an_order_of_magnitude_off_the_nameplate_is_not_believed(problem):
     rig = replace(problem.rig, stiffness_reference=2e5, inertia_reference=3.0)
+    moved = tuple(run for run in problem.runs if run.mode != "braked")
+    assert moved and len(moved) < len(problem.runs)
     names = problem.base.names
     far, near = problem.base.start.copy(), problem.base.start.copy()
     far[[names.index("stiffness"), names.index("load_inertia")]] = 2e4, 0.3
     near[[names.index("stiffness"), names.index("load_inertia")]] = 1.5e5, 2.5
-    moved = near_nameplate(replace(problem.base, start=far), rig).start
-    assert moved[names.index("stiffness")] == 2e5 and moved[names.index("load_inertia")] == 3.0
-    kept = near_nameplate(replace(problem.base, start=near), rig).start
+    changed = near_nameplate(replace(problem.base, start=far), moved, rig).start
+    assert changed[names.index("stiffness")] == 2e5 and changed[names.index("load_inertia")] == 3.0
+    kept = near_nameplate(replace(problem.base, start=near), moved, rig).start
     np.testing.assert_array_equal(kept, near)
-    assert MAKERS_FIGURE > 2.0
+    hit = near_nameplate(replace(problem.base, start=far), problem.runs, rig).start
+    np.testing.assert_array_equal(hit, far)
+
+
+@pytest.mark.parametrize("wrong", [0.1, 10.0])
+def test_a_nameplate_off_by_ten_bounds_nothing(problem, wrong):
+    """The maker's figures are starts and comparisons: what the recordings hold stays inside the bounds."""
+    start = dict(zip(problem.base.names, problem.base.start, strict=True))
+    rig = replace(
+        problem.rig,
+        stiffness_reference=wrong * start["stiffness"],
+        inertia_reference=wrong * start["load_inertia"],
+    )
+    base = bounded(problem.base, problem.runs, rig)
+    for name in ("stiffness", "load_inertia"):
+        i = base.names.index(name)
+        assert base.lower[i] < 0.5 * start[name] and base.upper[i] > 2.0 * start[name]
