@@ -89,14 +89,18 @@ def block_key(run: PreparedRun, output: Output) -> Key:
     )
 
 
-def dynamic_level(output: Output) -> float:
-    """RMS of what the output does beyond its slow part [the output's unit]: the yardstick of relative error."""
+def dynamic_part(output: Output) -> Vector:
+    """What the output does beyond its slow part over the scored samples [the output's unit], shape (n_scored,)."""
     data = output.data[output.mask]
     if output.quantity in ANGULAR:
         window = max(3, round(output.rate * FOLLOWED / output.followed_to))
-        data = data - uniform_filter1d(data, window, mode="nearest")
-    else:
-        data = data - np.median(data)
+        return np.asarray(data - uniform_filter1d(data, window, mode="nearest"))
+    return np.asarray(data - np.median(data)) if data.size else data
+
+
+def dynamic_level(output: Output) -> float:
+    """RMS of what the output does beyond its slow part [the output's unit]: the yardstick of relative error."""
+    data = dynamic_part(output)
     return float(np.sqrt(np.mean(np.square(data)))) if data.size else 0.0
 
 
@@ -185,27 +189,35 @@ def block_noise(
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
-    share = RELATIVE_FLOOR
-    if outputs[0].quantity in ANGULAR:
-        share = RIGID_FLOOR if outputs[0].followed_to > 2.0 * OBSERVER_HZ else ANGULAR_FLOOR
-    floor = max(share * level, quantum / np.sqrt(12.0), 1e-300)
+    observed = outputs[0].quantity in ANGULAR and outputs[0].followed_to <= 2.0 * OBSERVER_HZ
+    share = RIGID_FLOOR if outputs[0].quantity in ANGULAR else RELATIVE_FLOOR
+    own = max(quantum / np.sqrt(12.0), 1e-300)
+    floor = own if observed else max(share * level, own)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):
         env = envelope(output)
         segments.extend(_segments(residual, output.mask))
         envelopes.extend(_segments(env, output.mask))
     if not segments:
-        return BlockNoise(np.array([1.0]), floor, floor, 0.0)
+        return BlockNoise(np.array([1.0]), max(floor, ANGULAR_FLOOR * level), max(floor, ANGULAR_FLOOR * level), 0.0)
     marginal, kappa = _relative_error(segments, envelopes, floor)
     scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
+    like_signal: list[Vector] = []
+    if observed:  # what no model is closer to has the colour of what the angle does
+        for o in outputs:
+            part = ANGULAR_FLOOR * dynamic_part(o)
+            like_signal.append(part / np.sqrt(1.0 + np.square(kappa * dynamic_level(o) / marginal)))
     samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
     if pole is not None and share_of_input > NO_MATTER:
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:
-        quiet = scaled if candidate is None else [candidate(s) for s in scaled]
-        ar, sigma, whole = fit_ar(autocovariance(quiet, max_order), samples, floor, max_order)
+        through = (lambda x: x) if candidate is None else candidate
+        covariance = autocovariance([through(s) for s in scaled], max_order)
+        if like_signal:
+            covariance = covariance + autocovariance([through(s) for s in like_signal], max_order)
+        ar, sigma, whole = fit_ar(covariance, samples, floor, max_order)
         cost = samples * np.log(sigma**2) + len(ar) * np.log(samples)
         if best is None or cost < best[0] - RINGS * samples:
             # kappa was estimated at ``marginal``; the filter's own floor changes the scale a little, d follows ``whole``

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import PreparedRun, Problem
 
-HOLD_EVERY = 3  # of a stratum sorted by level, the 2nd, 5th, 8th ... are kept back
+HOLD_EVERY = 3  # of a stratum sorted by level, the 2nd, 5th, 8th ... from the top are kept back: what is quiet shows little
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def split_runs(problem: Problem) -> Split:
         if len(members) == 2:
             held_out.append(members[0])
         elif len(members) > 2:
-            held_out.extend(members[1::HOLD_EVERY])
+            held_out.extend(members[-2::-HOLD_EVERY])
     if not held_out:  # one run per experiment: the cheapest experiment to lose is the one with the least to fit
         return Split(
             tuple(range(len(runs))),

@@ -139,7 +139,7 @@ def _loop_sizes(problem: Problem) -> tuple[float, float, float]:
 
 def _loop_starts(problem: Problem) -> tuple[Values, ...]:
     torque, a = _loop_sizes(problem)[1], problem.scales.wind_up
-    return tuple((torque / (share * a),) for share in (0.03, 0.1, 0.3))
+    return tuple((torque / (share * a),) for share in (0.01, 0.04, 0.12, 0.35, 1.0))
 
 
 def _loop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
@@ -236,6 +236,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_loop_starts,
             possible=needs_spring,
             limits=_loop_limits,
+            proportional=(1,),
         )
         for variant, kind in (
             ("bouc-wen", kernel.BOUC_WEN),
