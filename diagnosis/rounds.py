@@ -19,6 +19,7 @@ from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.rivals import grown, rivals
 from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
@@ -27,9 +28,7 @@ from jointscope.diagnosis.search import (
     extend,
     fit_pairs,
     fit_singles,
-    grown,
     profile_loss,
-    rivals,
     screen_on,
 )
 

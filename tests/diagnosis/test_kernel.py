@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from scipy.integrate import solve_ivp
 
 from jointscope.diagnosis import kernel as k
 from jointscope.diagnosis.effects.transmission import branches
+from jointscope.diagnosis.kernel.compiled import SOURCES, digest
+from jointscope.diagnosis.kernel.scalar_steps import simulate_plain
 
 KW = dict(J_M=9.1, J_L=3.0, K=1.9e5, C=0.0)
 W0 = math.sqrt(KW["K"] / KW["J_L"])
@@ -153,7 +156,7 @@ def test_the_scalar_kernels_and_the_full_one_are_one_model(numbers, switch, moto
     um, ul = 30.0 * np.sin(2 * np.pi * 11.0 * t), 200.0 * np.exp(-(((t - 0.05) / 0.006) ** 2))
     y, w = 1e-3 * np.sin(7 * t), np.zeros(t.size)
     results = []
-    for integrate in (k.simulate, k._simulate_full):
+    for integrate in (k.simulate, k.simulate_full):
         out = np.zeros((n + 1, k.N_OUT))
         integrate(np.zeros(int(S[k.N_X])), P, S, um, ul, y, w, 0.0, 1 / rate, out)
         results.append(out)
@@ -382,3 +385,16 @@ def test_presliding_friction_builds_up_over_its_angle_and_tends_to_coulombs():
     _, soft = run(P, S, x=(0, 0, 1e-3, 0), duration=0.3, rate=16384.0)
     _, dry = run(*packed(FRICTION_L=1, FL_PLUS=4.0, FL_MINUS=4.0), x=(0, 0, 1e-3, 0), duration=0.3, rate=16384.0)
     assert np.max(np.abs(soft[:, k.X_Q] - dry[:, k.X_Q])) < 2e-5
+
+
+def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):
+    """Compiled code is kept under a digest of all its sources, of those that it only calls too."""
+    for name in ("laws", "steps"):
+        (tmp_path / f"{name}.py").write_text(f"{name} = 1\n")
+    before = digest(tmp_path)
+    assert digest(tmp_path) == before
+    (tmp_path / "laws.py").write_text("laws = 2\n")
+    assert digest(tmp_path) != before
+    run(*packed(), duration=0.01)
+    kept = Path(simulate_plain.stats.cache_path).glob("*.nbi")
+    assert any(simulate_plain.__name__ in file.name and SOURCES in file.name for file in kept)

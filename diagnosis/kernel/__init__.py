@@ -1,0 +1,58 @@
+r"""The reduced-order joint, compiled once: two inertias, every catalogue effect switchable by a number.
+
+All at the joint output, q_s = motor angle / n, Delta = q_s + e - q (e: kinematic error):
+
+    J_L q'' + b_l q' = T_S + T_ext - gravity(q) + load forces
+    J_M q_s'' + b_m q_s' = tau - T_S + motor forces
+    T_S = K Delta + c Delta' + transmission laws
+
+Fixed-step fourth-order Runge-Kutta. Dry friction is handled exactly: inside a step its direction is fixed, a reversal
+is located, the velocity set to zero there, and the contact sticks for as long as the net torque stays below breakaway
+(no smoothed sign). Rate-independent hysteresis is closed-form along the step, so it adds no stiffness. Play and stops
+are exact piecewise laws.
+
+With a recorded angle a fixed-gain observer moves the rigid body only (both inertias alike, so the wind-up is left
+alone): x' = f(x, u) + L (y - C x).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.kernel.compiled import Real
+from jointscope.diagnosis.kernel.full_steps import simulate_full
+from jointscope.diagnosis.kernel.laws import tabled as tabled
+from jointscope.diagnosis.kernel.laws import windup as windup
+from jointscope.diagnosis.kernel.layout import *
+from jointscope.diagnosis.kernel.scalar_steps import simulate_plain, simulate_rich
+
+
+def simulate(
+    x: Real, P: Real, S: NDArray[np.int64], um: Real, ul: Real, y: Real, w: Real, t0: float, h: float, out: Real
+) -> None:
+    """Integrate from state ``x`` (overwritten), write one row per node into ``out``, shape (n + 1, N_OUT).
+
+    Args:
+        x: Initial state, shape (S[N_X],): q_s, q_s', q, q', then link, neighbour and base modes (two each), relaxation
+            branches, loop integrator.
+        P: Packed numbers, shape (N_P,).
+        S: Switches, shape (N_S,).
+        um: Motor torque eta n T_e at half steps [N m], shape (2 n + 1,); the acceleration of a prescribed motion.
+        ul: External torque on the arm at half steps [N m].
+        y: Observed (or prescribed) angle or speed at half steps [rad, rad/s]; in a closed loop the feed-forward [N m].
+        w: Speed command (or prescribed speed) at half steps, at the output [rad/s].
+        t0: Time of the first node on the run's clock [s].
+        h: Step [s].
+        out: Result; columns X_QS ... X_TEXT.
+    """
+    modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
+    scalar = S[N_X] == 4 + 2 * modes and modes <= 1 and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
+    if not scalar or S[PRE_SITE] != 0:
+        simulate_full(x, P, S, um, ul, y, w, t0, h, out)
+        return
+    held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
+    rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
+    mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
+    run = simulate_rich if rich else simulate_plain
+    run(x, P, S, held, dry_m, dry_l, mode, um, ul, y, t0, h, out)

@@ -1,0 +1,107 @@
+"""Force laws of the joint, each a function of the packed numbers and of where the joint is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
+from jointscope.diagnosis.kernel.layout import *
+
+STRUCTURAL_WIDTH = 0.05  # of the velocity amplitude at REID_OMEGA over which the structural law turns round
+TURN = 0.02  # rad over which weight is expanded to third order (1e-8)
+
+
+@compiled
+def hysteresis(z: float, d: float, y: float, kind: int) -> float:
+    """Normalised hysteretic torque after a monotone travel ``d`` from the state ``z``; yield angle ``y``."""
+    if d == 0.0:
+        return z
+    s = 1.0 if d > 0.0 else -1.0
+    r = abs(d) / y
+    if kind == 1:
+        return s + (z - s) * math.exp(-r)
+    u = s * z
+    if u < 0.0:  # Bouc-Wen, nu = 2, beta = gamma = 1/2: unloading is linear
+        if r <= -u:
+            return s * (u + r)
+        r += u
+        u = 0.0
+    if u > 0.999999:
+        return s
+    return s * math.tanh(math.atanh(u) + r)
+
+
+@compiled
+def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
+    """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
+    el = delta
+    contact = 1.0
+    if P[GAP_HALF] > 0.0:
+        el = delta - P[GAP_CENTRE]
+        if el > P[GAP_HALF]:
+            el -= P[GAP_HALF]
+        elif el < -P[GAP_HALF]:
+            el += P[GAP_HALF]
+        else:
+            el = 0.0
+            contact = P[GAP_DAMPING]
+    torque = factor * P[K] * el
+    if P[K_3] != 0.0 or P[K_2] != 0.0:
+        torque += (P[K_2] + P[K_3] * el) * el * el
+    if P[K_SOFT] != 0.0:
+        torque -= P[K_SOFT] * min(max(el, -P[SOFT_ANGLE]), P[SOFT_ANGLE])
+    return torque, contact
+
+
+@compiled
+def windup(P: Real, torque: float) -> float:
+    """Static wind-up [rad] at which the elastic part of T_S equals ``torque`` [N m]; the nearer edge of the play."""
+    if P[K] <= 0.0:
+        return 0.0
+    if torque == 0.0:
+        return 0.0 if abs(P[GAP_CENTRE]) <= P[GAP_HALF] or P[GAP_HALF] == 0.0 else P[GAP_CENTRE]
+    guess = torque / P[K]
+    reach = 4.0 * abs(guess) + 2.0 * P[GAP_HALF] + abs(P[GAP_CENTRE])
+    low, high = -reach, reach
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        value, _contact = elastic(P, middle, 1.0)
+        if value < torque:
+            low = middle
+        else:
+            high = middle
+    return float(0.5 * (low + high))
+
+
+@compiled
+def friction(plus: float, minus: float, excess: float, speed: float, exponent: float, v: float, s: int) -> float:
+    """Dry friction's level against direction ``s`` at speed ``v`` [N m]."""
+    level = plus if s > 0 else minus
+    if excess != 0.0 and level != 0.0:
+        r = abs(v) / speed
+        level *= 1.0 + excess * math.exp(-(r * r if exponent == 2.0 else r**exponent))
+    return level
+
+
+@compiled
+def tabled(P: Real, variable: float) -> float:
+    """The table's torque [N m] at ``variable``: straight between nodes, constant outside them."""
+    at = (variable - P[TABLE_LOW]) / P[TABLE_STEP]
+    if at <= 0.0:
+        return float(P[TABLE_0])
+    if at >= N_NODES - 1.0:
+        return float(P[TABLE_0 + N_NODES - 1])
+    node = int(at)
+    part = at - node
+    return float((1.0 - part) * P[TABLE_0 + node] + part * P[TABLE_0 + node + 1])
+
+
+@inlined
+def with_table(T: float, P: Real, S: NDArray[np.int64], delta: float, rate: float, q: float) -> float:
+    """T_S [N m] with the table's part over wind-up [rad] or its rate [rad/s]; of turn: a stiffness over the angle q."""
+    if S[TABLE_OF] == OF_TURN:
+        return T + delta * tabled(P, q)
+    return T + tabled(P, delta if S[TABLE_OF] == OF_WIND_UP else rate)

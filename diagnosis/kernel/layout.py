@@ -1,0 +1,47 @@
+"""Where each number of a joint stands: packed numbers P, switches S, columns of the result."""
+
+# --- numbers of the packed vector P -------------------------------------------------------------------------------
+J_M, J_L, K, C, B_M, B_L = 0, 1, 2, 3, 4, 5
+G_COS, G_SIN, G_CONST = 6, 7, 8  # gravity: -(G_COS cos q - G_SIN sin q) - G_CONST [N m]
+GAP_HALF, GAP_CENTRE, GAP_DAMPING = 9, 10, 11  # half play [rad], its centre [rad], share of c inside it [-]
+K_2, K_3, K_SOFT, SOFT_ANGLE = 12, 13, 14, 15  # K_SOFT: stiffness missing within +-SOFT_ANGLE
+HYST_TORQUE, HYST_ANGLE = 16, 17
+REID, REID_OMEGA = 18, 19  # loss factor of the rate-independent structural law, and its scaling frequency [rad/s]
+DRIFT = 20  # relative stiffness change per second [1/s]
+FM_PLUS, FM_MINUS, FM_EXCESS, FM_SPEED, FM_EXPONENT, FM_LOAD = 21, 22, 23, 24, 25, 26
+FL_PLUS, FL_MINUS, FL_EXCESS, FL_SPEED, FL_EXPONENT, FL_LOAD = 27, 28, 29, 30, 31, 32
+C_QUADRATIC = 33
+STOP_ANGLE, STOP_K, STOP_C, STOP_EXPONENT, STOP_SIDE = 34, 35, 36, 37, 38
+LINK_J, LINK_OMEGA, LINK_ZETA, LINK_HIT, LINK_SENSE = 39, 40, 41, 42, 43
+NEAR_J, NEAR_OMEGA, NEAR_ZETA = 44, 45, 46
+BASE_SHARE, BASE_OMEGA, BASE_ZETA = 47, 48, 49
+LOOP_MIX, LOOP_P, LOOP_I, LOOP_LIMIT = 50, 51, 52, 53
+OBS_1, OBS_2, OBS_QS, OBS_VS, OBS_Q, OBS_V = 54, 55, 56, 57, 58, 59
+MOTOR_ZERO = 60  # recorded motor angle / n minus the model's q_s [rad]: phase reference of motor orders
+TE_0 = 61  # three lines of (amplitude, per q_s, per q, phase)
+RIPPLE_0 = 73  # three lines of (amplitude, share of tau, per q_s, phase)
+BRANCH_0 = 85  # five branches of (stiffness, relaxation time)
+TABLE_LOW, TABLE_STEP, TABLE_0 = 95, 96, 97  # a law as torque [N m] at nodes of a variable
+N_NODES = 9
+C_SIDED = 106  # viscous damping more in positive motion and less in negative [N m s/rad]
+PRE_TORQUE, PRE_ANGLE = 107, 108  # dry friction with presliding: torque [N m], angle over which it builds up [rad]
+N_P = 109
+
+# --- integers of the switch vector S ------------------------------------------------------------------------------
+N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
+MOTOR, HYST_KIND, N_TE, N_RIPPLE, FRICTION_M, FRICTION_L, LOAD_PRESCRIBED = 7, 8, 9, 10, 11, 12, 13
+TABLE_SITE, TABLE_OF = 14, 15
+PRE_SITE = 16
+N_S = 17
+MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
+DAHL, BOUC_WEN, MAXWELL_SLIP = 1, 2, 3
+AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
+OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE, OF_TURN = 0, 1, 2, 3, 4  # TABLE_OF; of turn: a stiffness
+
+# --- columns of the result ----------------------------------------------------------------------------------------
+X_QS, X_VS, X_AS, X_Q, X_V, X_A, X_LINK, X_TS, X_TAU, X_TEXT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+N_OUT = 10
+
+# --- of the steppers ----------------------------------------------------------------------------------------------
+N_AUX = 16  # diagnostics of one evaluation
+MAX_EVENTS = 12  # pieces into which dry friction may cut one step

@@ -1,0 +1,132 @@
+"""Rates of the joint in scalars: base, friction, play, springs, stops; if rich, one mode, one hysteresis, lines, tables."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
+from jointscope.diagnosis.kernel.laws import STRUCTURAL_WIDTH, friction, hysteresis, tabled, with_table
+from jointscope.diagnosis.kernel.layout import *
+
+
+def _scalar_rates_source(
+    q_s: float, v_s: float, q: float, v: float, r: float, u: float, t: float, um: float, ul: float, y: float,
+    held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
+    dry_m: bool, dry_l: bool, sm: int, sl: int, rich: bool, P: Real, S: NDArray[np.int64], mem: Real, mode: int,
+) -> tuple[float, ...]:  # fmt: skip
+    """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels."""
+    J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
+    g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
+    delta, rate = q_s - q, v_s - v
+    if rich:
+        for i in range(S[N_TE]):
+            b = TE_0 + 4 * i
+            arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
+            delta += P[b] * math.sin(arg)
+            rate += P[b] * math.cos(arg) * (P[b + 1] * v_s + P[b + 2] * v)
+    el, contact = delta, 1.0
+    if gap > 0.0:
+        el = delta - centre
+        if el > gap:
+            el -= gap
+        elif el < -gap:
+            el += gap
+        else:
+            el, contact = 0.0, inside
+    T = k * (1.0 + drift * t) * el + (k_2 + k_3 * el) * el * el + c * contact * rate
+    if k_soft != 0.0:
+        T -= k_soft * min(max(el, -soft), soft)
+    if rich:
+        if P[REID] != 0.0:
+            bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
+            T += P[REID] * k * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)
+        kind = S[HYST_KIND]
+        if kind == MAXWELL_SLIP:
+            share = (delta - mem[0]) / P[HYST_ANGLE]
+            total = min(max(mem[1] + share, -0.4), 0.4) + min(max(mem[2] + share, -0.8), 0.8)
+            total += min(max(mem[3] + share, -1.2), 1.2) + min(max(mem[4] + share, -1.6), 1.6)
+            T += P[HYST_TORQUE] * 0.25 * total
+        elif kind != 0:
+            T += P[HYST_TORQUE] * hysteresis(mem[1], delta - mem[0], P[HYST_ANGLE], kind)
+        if S[TABLE_SITE] == AT_TRANSMISSION:
+            T = with_table(T, P, S, delta, rate, q)
+    innovation = 0.0
+    if o_2 != 0.0:
+        innovation = y - o_qs * q_s - o_vs * v_s - o_q * q - o_v * v
+    lift, push = o_1 * innovation, o_2 * innovation
+
+    tau = um
+    if rich:
+        for i in range(S[N_RIPPLE]):
+            b = RIPPLE_0 + 4 * i
+            tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
+    net_m = tau - T - b_m * v_s
+    if rich and S[TABLE_SITE] == AT_MOTOR:
+        net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
+    level_m = f[5] * abs(T)
+    a_s, dq_s, dv_s = 0.0, 0.0, 0.0
+    if not held:
+        dq_s = v_s + lift
+        if dry_m:
+            if sm == 0:
+                dq_s = lift
+            else:
+                a_s = (net_m - sm * (level_m + friction(f[0], f[1], f[2], f[3], f[4], v_s, sm))) / J_m
+                dv_s = a_s + push
+        else:
+            a_s = net_m / J_m
+            dv_s = a_s + push
+    net_m += J_m * push
+
+    inertia, angle, mount, pull, du = J_l, q, 0.0, 0.0, 0.0
+    if rich and mode != 0:
+        if mode == 3:
+            angle += r
+            mount = -P[BASE_SHARE] / J_l * T - P[BASE_OMEGA] * (P[BASE_OMEGA] * r + 2.0 * P[BASE_ZETA] * u)
+            du = mount
+        elif mode == 1:
+            pull = P[LINK_OMEGA] * (P[LINK_OMEGA] * r + 2.0 * P[LINK_ZETA] * u)
+            inertia -= P[LINK_J]
+        else:
+            pull = P[NEAR_OMEGA] * (P[NEAR_OMEGA] * r + 2.0 * P[NEAR_ZETA] * u)
+            inertia -= P[NEAR_J]
+    d = angle - turn[0]
+    even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
+    cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
+    net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
+    if rich and S[TABLE_SITE] == AT_LOAD:
+        net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
+    if rich and (mode == 1 or mode == 2):
+        net_l += (J_l - inertia) * pull
+        if mode == 1:
+            net_l -= P[LINK_HIT] * ul
+    if stop_k != 0.0:
+        depth = side * (q - stop_angle)
+        if depth > 0.0:
+            reaction = stop_k * depth**stop_exponent * (1.0 + stop_c * side * v)
+            if reaction > 0.0:
+                net_l -= side * reaction
+    level_l = f[11] * abs(T)
+    dq, dv, a = lift, 0.0, mount
+    if dry_l:
+        if sl != 0:
+            a = (net_l - sl * (level_l + friction(f[6], f[7], f[8], f[9], f[10], v, sl))) / inertia
+            dq, dv = v + lift, a - mount + push
+    else:
+        a = net_l / inertia
+        dq, dv = v + lift, a - mount + push
+    net_l += inertia * (push - mount)
+    link = 0.0
+    if rich and (mode == 1 or mode == 2):
+        du = -a - pull
+        if mode == 1:
+            du += P[LINK_HIT] * ul / P[LINK_J]
+            link = du
+    return dq_s, dv_s, dq, dv, u, du, a_s, a, link, T, tau, net_m, net_l, level_m, level_l
+
+
+scalar_rates = compiled(_scalar_rates_source)
+scalar_rates_inlined = inlined(_scalar_rates_source)

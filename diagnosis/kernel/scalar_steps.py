@@ -1,0 +1,195 @@
+"""The joint stepped in scalars: no state vector, so three times as fast; loops, branches and prescribed motions can't."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.kernel.compiled import Real, compiled
+from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, windup_of_scalars
+from jointscope.diagnosis.kernel.laws import TURN
+from jointscope.diagnosis.kernel.layout import *
+from jointscope.diagnosis.kernel.scalar_rates import scalar_rates, scalar_rates_inlined
+
+
+def _scalar_simulator(RICH: bool) -> Callable[..., None]:
+    """One loop, compiled twice: without what only ``RICH`` laws need, and with it."""
+
+    def integrate(
+        x: Real, P: Real, S: NDArray[np.int64], held: bool, dry_m: bool, dry_l: bool, mode: int,
+        um: Real, ul: Real, y: Real, t0: float, h: float, out: Real,
+    ) -> None:  # fmt: skip
+        n = out.shape[0] - 1
+        q_s, v_s, q, v, r, u = x[0], x[1], x[2], x[3], 0.0, 0.0
+        if RICH and mode != 0:
+            r, u = x[4], x[5]
+        p = (
+            P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
+            P[K_SOFT], P[SOFT_ANGLE], P[DRIFT], P[C_QUADRATIC], P[G_CONST], P[G_COS], P[G_SIN], P[STOP_ANGLE],
+            P[STOP_K], P[STOP_C], P[STOP_EXPONENT], P[STOP_SIDE], P[OBS_1], P[OBS_2], P[OBS_QS], P[OBS_VS], P[OBS_Q],
+            P[OBS_V], P[C_SIDED],
+        )  # fmt: skip
+        f = (
+            P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],
+            P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
+        )  # fmt: skip
+        turn = (q, math.cos(q), math.sin(q))
+        sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
+        sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
+        dry_m = dry_m and not held
+        mem = np.zeros(5)
+        hyst = False
+        if RICH:
+            hyst = S[HYST_KIND] != 0
+            mem[0] = windup_of_scalars(q_s, q, P, S)
+        for k in range(n):
+            if abs(q - turn[0]) > TURN:
+                turn = (q, math.cos(q), math.sin(q))
+            s, target, pending = 0.0, 1.0, 0
+            e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+            for event in range(MAX_EVENTS):
+                whole = s == 0.0 and target == 1.0
+                d = (target - s) * h
+                t, mid = t0 + (k + s) * h, 0.5 * (s + target)
+                if whole:
+                    j = 2 * k
+                    m1, l1, y1, m2, l2, y2 = um[j], ul[j], y[j], um[j + 1], ul[j + 1], y[j + 1]
+                    m3, l3, y3 = um[j + 2], ul[j + 2], y[j + 2]
+                else:
+                    m1, l1, y1 = input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s)
+                    m2, l2, y2 = input_at(um, k, mid), input_at(ul, k, mid), input_at(y, k, mid)
+                    m3, l3, y3 = input_at(um, k, target), input_at(ul, k, target), input_at(y, k, target)
+                a1, b1, c1, d1, f1, g1, acc_s, acc, link, T, tau, net_m, net_l, level_m, level_l = (
+                    scalar_rates_inlined(
+                        q_s,
+                        v_s,
+                        q,
+                        v,
+                        r,
+                        u,
+                        t,
+                        m1,
+                        l1,
+                        y1,
+                        held,
+                        p,
+                        turn,
+                        f,
+                        dry_m,
+                        dry_l,
+                        sm,
+                        sl,
+                        RICH,
+                        P,
+                        S,
+                        mem,
+                        mode,
+                    )
+                )
+                g = 0.5 * d
+                a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
+                    q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
+                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                )  # fmt: skip
+                a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
+                    q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
+                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                )  # fmt: skip
+                a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
+                    q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
+                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                )  # fmt: skip
+                g = d / 6.0
+                e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
+                e_vs = v_s + g * (b1 + 2.0 * (b2 + b3) + b4)
+                e_q = q + g * (c1 + 2.0 * (c2 + c3) + c4)
+                e_v = v + g * (d1 + 2.0 * (d2 + d3) + d4)
+                if RICH:
+                    e_r = r + g * (f1 + 2.0 * (f2 + f3) + f4)
+                    e_u = u + g * (g1 + 2.0 * (g2 + g3) + g4)
+                if event == 0:
+                    row = out[k]
+                    row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
+                    row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = link, T, tau, 0.0
+                if not (dry_m or dry_l):
+                    break
+                if pending == 0:
+                    if event >= MAX_EVENTS - 2:
+                        break
+                    share = 1.0
+                    if dry_m and sm != 0 and sm * e_vs < 0.0:
+                        pending, share = 1, v_s / (v_s - e_vs) if sm * v_s > 0.0 else 0.0
+                    if dry_l and sl != 0 and sl * e_v < 0.0:
+                        part = v / (v - e_v) if sl * v > 0.0 else 0.0
+                        if pending == 0 or part < share:
+                            pending, share = 2, part
+                    if (dry_m and sm == 0) or (dry_l and sl == 0):
+                        _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
+                            e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, held, p, turn, f, dry_m,
+                            dry_l, sm, sl, RICH, P, S, mem, mode,
+                        )  # fmt: skip
+                        if dry_m and sm == 0:
+                            go = direction(far_m, far_gm, P, FM_PLUS)
+                            if go != 0:
+                                part = release(net_m, far_m, level_m, far_gm, P, FM_PLUS, go)
+                                if pending == 0 or part < share:
+                                    pending, share = 3 if go > 0 else 5, part
+                        if dry_l and sl == 0:
+                            go = direction(far_l, far_gl, P, FL_PLUS)
+                            if go != 0:
+                                part = release(net_l, far_l, level_l, far_gl, P, FL_PLUS, go)
+                                if pending == 0 or part < share:
+                                    pending, share = 4 if go > 0 else 6, part
+                    if pending == 0:
+                        break
+                    target = s + share * (1.0 - s)
+                    if target - s > 1e-9:
+                        continue
+                    e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+                # the event itself, at fraction target
+                q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
+                if hyst:
+                    remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
+                s, target = target, 1.0
+                if pending == 1 or pending == 2:
+                    if pending == 1:
+                        v_s = 0.0
+                    else:
+                        v = 0.0
+                    stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
+                    _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
+                        q_s, v_s, q, v, r, u, t0 + (k + s) * h, input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s),
+                        held, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, mode,
+                    )  # fmt: skip
+                    if pending == 1:
+                        sm = direction(far_m, far_gm, P, FM_PLUS)
+                    else:
+                        sl = direction(far_l, far_gl, P, FL_PLUS)
+                elif pending == 3 or pending == 5:
+                    sm = 1 if pending == 3 else -1
+                else:
+                    sl = 1 if pending == 4 else -1
+                pending = 0
+                e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+                if s > 1.0 - 1e-9:
+                    break
+            q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
+            if hyst:
+                remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
+        j = 2 * n
+        _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
+            q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
+            mode,
+        )  # fmt: skip
+        row = out[n]
+        row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
+        row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = link, T, tau, 0.0
+
+    return compiled(integrate)
+
+
+simulate_plain = _scalar_simulator(False)
+simulate_rich = _scalar_simulator(True)

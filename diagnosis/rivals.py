@@ -1,0 +1,100 @@
+"""Sets next to a leading one that the screening may have missed: look-alikes in its place, laws that hold its laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.search import CONTAINED, Effort, Hypothesis, fit_child, name_of, names_of, profile_loss
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.refit import Fit
+
+Vector = NDArray[np.float64]
+
+
+def rivals(
+    objective: Objective,
+    base: Fit,
+    leader: Hypothesis,
+    candidates: Sequence[ActiveEffect],
+    known: set[tuple[str, ...]],
+    effort: Effort,
+) -> list[Hypothesis]:
+    """Fit the look-alikes of a leading set's effects in their place, which the screening may have missed.
+
+    Args:
+        base: The base's fit.
+        candidates: Trials of every law.
+        known: Names of the sets whose fits exist already; those fitted here are added.
+    """
+    found: list[Hypothesis] = []
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    for position, spec in enumerate(leader.specs):
+        others = tuple(e for k, e in enumerate(effects) if k != position)
+        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
+        for name in spec.look_alikes:
+            trials = [c for c in candidates if c.spec.name == name and name_of(c.spec) not in names_of(kept)]
+            trials = [c for c in trials if names_of((*kept, c.spec)) not in known]
+            if not trials:
+                continue
+            active = _nearest(objective, theta, others, trials)
+            known.add(names_of((*kept, active.spec)))
+            fit = fit_child(objective, base, [*others, active], effort, [theta])
+            if fit is not None:
+                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+    return found
+
+
+def grown(
+    objective: Objective, base: Fit, leader: Hypothesis, candidates: Sequence[ActiveEffect], effort: Effort
+) -> list[Hypothesis]:
+    """Fit the laws that contain a law of the leader, from the very force that it found.
+
+    A Stribeck friction that starts elsewhere ends above the Coulomb friction that it contains.
+    """
+    found: list[Hypothesis] = []
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    for position, spec in enumerate(leader.specs):
+        others = tuple(e for k, e in enumerate(effects) if k != position)
+        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
+        wider = {outer for inner, outer in CONTAINED if inner == spec.name}
+        trials = [
+            _with_force(c, effects[position].values[0])
+            for c in candidates
+            if c.spec.name in wider and c.spec.location == spec.location
+        ]
+        if not trials or any(t.spec.parameters[0].name != spec.parameters[0].name for t in trials):
+            continue
+        active = _nearest(objective, theta, others, trials)
+        fit = fit_child(objective, base, [*others, active], effort, [theta])
+        if fit is not None:
+            found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+    return found
+
+
+def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:
+    """The trial with this force, its other forces in proportion."""
+    spec, values = active.spec, list(active.values)
+    for place in spec.proportional:
+        values[place] *= force / values[0] if values[0] else 1.0
+    values[0] = force
+    return ActiveEffect(spec, tuple(values))
+
+
+def _nearest(
+    objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...], trials: Sequence[ActiveEffect]
+) -> ActiveEffect:
+    """The trial with which the data are best predicted as they stand."""
+
+    def cost(active: ActiveEffect) -> float:
+        parts = [objective.run_residual(i, theta, (*effects, active)) for i in range(len(objective.runs))]
+        return float(sum(p @ p for p in parts))
+
+    costs = objective.map(cost, trials)
+    return trials[int(np.argmin(costs))]
