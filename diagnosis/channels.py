@@ -223,6 +223,10 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
     acceleration = states[:, kernel.X_A]
     if assembly.S[kernel.AT_LINK] >= 0 and assembly.P[kernel.LINK_SENSE] != 0.0:
         acceleration = acceleration + assembly.P[kernel.LINK_SENSE] * states[:, kernel.X_LINK]
+    if assembly.S[kernel.AT_BASE] >= 0:
+        lever = assembly.P[kernel.BASE_TURN] + assembly.P[kernel.BASE_SLIDE] / (output.radius or math.inf)
+        if lever != 1.0:
+            acceleration = acceleration + (lever - 1.0) * states[:, kernel.X_MOUNT]
     if quantity != "linear-acceleration":
         return np.asarray(acceleration)
     return _specific_force(states, np.asarray(acceleration), assembly, output)

@@ -243,6 +243,9 @@ def _loads(setup: Setup, run: Run, times: Real, physics: Physics) -> dict[str, R
     columns = {"hammer": hammer, "arm torque": torque}
     if "link torque" in setup.machine.inputs:
         columns["link torque"] = hammer * (hammer_radius(run) or 0.0) + torque
+    if "mount torque" in setup.machine.inputs:
+        columns["mount torque"] = hammer * (hammer_radius(run) or 0.0) + torque
+        columns["mount force"] = hammer
     return columns
 
 

@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from jointscope.diagnosis.channels import ACCELERATIONS
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.problem import PreparedRun, Problem
+    from jointscope.diagnosis.problem import Problem
 
 Vector = NDArray[np.float64]
 Residuals = Sequence[Sequence[Vector]]  # per run of the problem, per output of the run: data - prediction
@@ -53,7 +53,7 @@ def spectral_peaks(
                 total += np.minimum(density / background, 1e4)
             else:
                 total += median_filter(density, size=9) / (density.mean() + 1e-300)
-    return _strongest(grid, total, count)
+    return strongest(grid, total, count)
 
 
 def response_peaks(
@@ -91,47 +91,11 @@ def response_peaks(
         density = np.interp(grid, f, uniform_filter1d(coherent, 3), right=0.0)
         background = median_filter(density, size=201, mode="nearest") + 1e-3 * density.mean() + 1e-300
         total += np.minimum(density / background, 1e3)
-    return _strongest(grid, total, count)
+    return strongest(grid, total, count)
 
 
-def order_peaks(problem: Problem, residuals: Residuals, count: int, *, per_output: bool) -> tuple[float, ...]:
-    """Orders per motor (or output) turn at which residuals are periodic in position, over runs that travel."""
-    top = 60.0 if per_output else 14.0
-    grid = np.linspace(0.3, top, int(top * 20))
-    total = np.zeros(grid.size)
-    for run, rows in zip(problem.runs, residuals, strict=True):
-        path = _path(run, problem)
-        if path is None:
-            continue
-        scale = 1.0 if per_output else run.ratio
-        for output, r in zip(run.outputs, rows, strict=True):
-            if output.quantity not in ACCELERATIONS or not np.any(r):
-                continue
-            angle = np.interp(output.times, run.time, path) * scale / (2.0 * np.pi)
-            span = np.ptp(angle)
-            if span < 1.5:
-                continue
-            x = np.where(output.mask, r, 0.0)
-            x = x * np.abs(np.gradient(angle)) ** 0.5  # slow parts hold many samples per turn
-            spectrum = np.abs(np.exp(-2j * np.pi * grid[:, None] * angle[None, ::2]) @ x[::2]) ** 2
-            background = median_filter(spectrum, size=41, mode="nearest") + 1e-2 * spectrum.mean()
-            usable = grid > 3.0 / span
-            total += np.where(usable, spectrum / background, 0.0)
-    return _strongest(grid, total, count)
-
-
-def _path(run: PreparedRun, problem: Problem) -> Vector | None:
-    """The run's joint angle at the grid's nodes [rad], or ``None`` where it hardly moves."""
-    if run.observed is not None and not run.observed.rate_signal:
-        path = run.observed_half[::2]
-    elif run.command is not None:
-        path = np.cumsum(run.command_half[::2]) / run.grid_rate + run.initial_angle
-    else:
-        return None
-    return path if np.ptp(path) * run.ratio > 1.0 else None
-
-
-def _strongest(grid: Vector, total: Vector, count: int) -> tuple[float, ...]:
+def strongest(grid: Vector, total: Vector, count: int) -> tuple[float, ...]:
+    """The highest maxima of ``total`` over ``grid``, at least a few per cent apart."""
     inner = (total[1:-1] >= total[:-2]) & (total[1:-1] > total[2:])
     peaks = np.flatnonzero(inner) + 1
     found: list[float] = []
@@ -144,4 +108,4 @@ def _strongest(grid: Vector, total: Vector, count: int) -> tuple[float, ...]:
     return tuple(found)
 
 
-__all__ = ["Residuals", "order_peaks", "recorded", "response_peaks", "spectral_peaks"]
+__all__ = ["Residuals", "recorded", "response_peaks", "spectral_peaks", "strongest"]

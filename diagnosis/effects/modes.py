@@ -4,9 +4,12 @@ Each is one modal coordinate p in units of the joint's angle. Arm and neighbour 
 
     J_p (q'' + p'' + 2 zeta w p' + w^2 p) = phi_h T_ext,    sensor: q'' + phi_s p''
 
-A neighbour carries neither hammer nor sensor (phi = 0); on a bending arm both ride on it, phi = shape sqrt(J_p/J_L), so
+Such a neighbour carries neither hammer nor sensor (phi = 0); on a bending arm both ride on it, phi = shape sqrt(J_p/J_L), so
 that the mode vanishes with J_p. The mount turns by beta: beta'' + 2 zeta w beta' + w^2 beta = -(share/J_L) T_S, the
-arm's acceleration is q'' + beta'', its encoders see q alone.
+arm's acceleration is q'' + beta'', its encoders see q alone. Whatever carries the joint moves a point of the arm at
+radius r by (a + b/r) times that: a = 1, b = 0 where it turns about the joint's axis, a = 0, b = X where it slides,
+a = X/(X + d), b = d X/(X + d) where it turns about a parallel axis at the distance d, X = J_L/(m l) the radius of the
+centre of percussion. A hammer at r_h then adds (share/J_L) (a + b/r_h - 1) T_ext, a sensor at r_s reads (a + b/r_s) beta''.
 
 Facts used as tests: two resonances and one antiresonance in a driving-point response, at the frequencies of the
 two-mass eigenproblem; with share 0 the base; the mount's mode is invisible to an encoder's wind-up at standstill.
@@ -32,7 +35,7 @@ from jointscope.diagnosis.effects.spec import (
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.problem import PreparedRun, Problem
 
 _DAMPING = 0.02  # start; narrow enough to be a mode, wide enough for a grid of frequencies to hit it
 _GRID = 1.15
@@ -62,14 +65,45 @@ def _neighbour(assembly: Assembly, values: Values, weight: float) -> None:
     _two_states(assembly, kernel.AT_NEAR)
 
 
-def _base(assembly: Assembly, values: Values, weight: float) -> None:
+def _carried(assembly: Assembly, values: Values, turn: float, slide: float) -> None:
+    """What carries the joint moves the arm at radius r by turn + slide/r times what it moves at the joint."""
     P = assembly.P
+    if assembly.S[kernel.AT_BASE] >= 0:  # one thing carries the joint
+        return
     P[kernel.BASE_OMEGA], P[kernel.BASE_SHARE], P[kernel.BASE_ZETA] = (
         2.0 * math.pi * values[0],
         values[1],
         values[2],
     )
+    P[kernel.BASE_TURN], P[kernel.BASE_SLIDE] = turn, slide
+    P[kernel.BASE_HIT] = turn + slide / _hammer_radius(assembly.run) - 1.0
     _two_states(assembly, kernel.AT_BASE)
+
+
+def _hammer_radius(run: PreparedRun) -> float:
+    """Where a force acts on the arm [m]; infinite for a torque."""
+    forces = run.run.select("force", location="arm", role="input")
+    return forces[0].channel.radius or math.inf if forces else math.inf
+
+
+def _base(assembly: Assembly, values: Values, weight: float) -> None:
+    _carried(assembly, values, 1.0, 0.0)
+
+
+def _sliding(assembly: Assembly, values: Values, weight: float) -> None:
+    _carried(assembly, values, 0.0, values[3])
+
+
+def _carrier(assembly: Assembly, values: Values, weight: float) -> None:
+    percussion, offset = _percussion(assembly.problem, float(assembly.P[kernel.J_L])), values[3]
+    both = percussion + offset
+    _carried(assembly, values, percussion / both, percussion * offset / both)
+
+
+def _percussion(problem: Problem, inertia: float) -> float:
+    """Radius of the arm's centre of percussion J_L/(m l) [m], by the maker's mass and centre of mass."""
+    mass, radius = problem.rig.arm_mass, problem.rig.arm_com_radius
+    return inertia / (mass * radius) if mass and radius else 1.0
 
 
 def _band(problem: Problem, low: float, high: float) -> tuple[float, float]:
@@ -123,6 +157,43 @@ def _hit(problem: Problem) -> str | None:
     if reason is None and all(run.load is None for run in problem.runs):
         return "nothing acts on the arm from outside"
     return reason
+
+
+def _levered(problem: Problem) -> str | None:
+    reason = _on_the_arm(problem)
+    if reason is None and not any("linear" in o.quantity for run in problem.runs for o in run.outputs):
+        return "a lever shows in a linear acceleration only"
+    return reason
+
+
+def _offset(problem: Problem) -> str | None:
+    if not (problem.rig.arm_mass and problem.rig.arm_com_radius):
+        return "the arm's mass and centre of mass are not stated"
+    return _levered(problem)
+
+
+def _lever_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    reach = _percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
+    levers = {"percussion_radius": (0.2 * reach, 5.0 * reach), "offset": (-0.5 * reach, 10.0 * reach)}
+    return {**_limits(problem), **levers}
+
+
+def _lever_starts(low: float, high: float, share: float) -> Starts:
+    """The grid of frequencies with a lever of this share of the centre of percussion's radius."""
+
+    def starts(problem: Problem) -> tuple[Values, ...]:
+        reach = share * _percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
+        return _grid(low, high, reach)(problem)
+
+    return starts
+
+
+def _lever_peaks(low: float, high: float, share: float) -> ResidualStarts:
+    def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
+        reach = share * _percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
+        return _peaks(low, high, reach)(problem, residuals)
+
+    return starts
 
 
 def _inertia_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -206,6 +277,44 @@ SPECS: tuple[EffectSpec, ...] = (
             ("a neighbour's inertia on its own spring", "the mount turns under the joint's reaction"),
             (_neighbour, _base),
             strict=True,
+        )
+    ),
+    *(
+        EffectSpec(
+            name=name,
+            location=location,
+            variant=variant,
+            family="mode",
+            parameters=(_FREQUENCY, ParameterSpec("modal_share", "1", 0.0, 5.0, null=0.0), _ZETA, lever),
+            law=law,
+            revealed_by=("hammer", "torque-sweep"),
+            look_alikes=tuple(other for other in _MODES if other != name),
+            apply=apply,
+            scale=_share_sizes,
+            starts=_lever_starts(0.15, 5.0, share),
+            possible=possible,
+            limits=_lever_limits,
+            residual_starts=_lever_peaks(0.15, 6.0, share),
+        )
+        for (name, location), variant, lever, law, apply, share, possible in (
+            (
+                ("base-compliance", "base"),
+                "sliding-mount",
+                ParameterSpec("percussion_radius", "m", 1e-3, 1e3, log=True),
+                "the mount slides under force and reaction",
+                _sliding,
+                1.0,
+                _levered,
+            ),
+            (
+                ("neighbour-flexibility", "neighbour"),
+                "carrier",
+                ParameterSpec("offset", "m", -1e3, 1e3),
+                "a neighbour that carries the joint turns about an axis at this distance",
+                _carrier,
+                0.5,
+                _offset,
+            ),
         )
     ),
 )

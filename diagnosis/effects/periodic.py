@@ -10,10 +10,11 @@ inertias, the ripple does not.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from jointscope.diagnosis import kernel
-from jointscope.diagnosis.effects.lines import Residuals, order_peaks
+from jointscope.diagnosis.effects.lines import Residuals
+from jointscope.diagnosis.effects.orders import order_lines
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 _MOTOR_ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _OUTPUT_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 39.0, 40.0)
 _PHASES = (0.0, 0.5 * math.pi)
+_TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # from the phase that the residual shows
 
 
 def _error(per_output: bool) -> Apply:
@@ -58,10 +60,10 @@ def _starts(orders: tuple[float, ...]) -> Starts:
     return lambda problem: tuple((order, phase) for order in orders for phase in _PHASES)
 
 
-def _found(per_output: bool) -> ResidualStarts:
+def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
-        found = order_peaks(problem, residuals, 5, per_output=per_output)
-        return tuple((order, phase) for order in found for phase in _PHASES)
+        found = order_lines(problem, residuals, 4, per_output=per_output, source=source)
+        return tuple((order, math.remainder(phase + turn, math.tau)) for order, phase in found for turn in _TURNED)
 
     return starts
 
@@ -118,7 +120,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_starts(orders),
             possible=_possible(True, per_output),
             limits=_error_limits,
-            residual_starts=_found(per_output),
+            residual_starts=_found(per_output, "error"),
         )
         for variant, order, orders, per_output in (
             ("motor-order", _MOTOR_ORDER, _MOTOR_ORDERS, False),
@@ -139,7 +141,7 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=_starts(_MOTOR_ORDERS),
         possible=_possible(False, False),
         limits=_ripple_limits,
-        residual_starts=_found(False),
+        residual_starts=_found(False, "ripple"),
     ),
     EffectSpec(
         name="torque-ripple",
@@ -154,6 +156,6 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=lambda problem: (0.005, 0.02, 0.08),
         starts=_starts(_MOTOR_ORDERS),
         possible=_possible(False, False),
-        residual_starts=_found(False),
+        residual_starts=_found(False, "ripple"),
     ),
 )

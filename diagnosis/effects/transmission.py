@@ -242,6 +242,7 @@ SPECS: tuple[EffectSpec, ...] = (
             ("bouc-wen", kernel.BOUC_WEN),
             ("maxwell-slip", kernel.MAXWELL_SLIP),
             ("dahl", kernel.DAHL),
+            ("elastic-slip", kernel.ELASTIC_SLIP),
         )
     ),
     *(

@@ -128,7 +128,7 @@ def _rates_source(
         j = S[AT_BASE]
         beta = x[j]
         beta_2 = (
-            -P[BASE_SHARE] / P[J_L] * T
+            P[BASE_SHARE] / P[J_L] * (P[BASE_HIT] * ul - T)
             - P[BASE_OMEGA] * P[BASE_OMEGA] * beta
             - 2.0 * P[BASE_ZETA] * P[BASE_OMEGA] * x[j + 1]
         )
@@ -199,7 +199,7 @@ def _rates_source(
         aux[2] = T
         aux[3], aux[4] = level_m, level_l
         aux[5], aux[6], aux[7] = a_s, acceleration, link_2
-        aux[8] = tau
+        aux[8], aux[16] = tau, beta_2
         aux[9] = delta
         aux[10], aux[11] = q_s, v_s
         aux[14], aux[15] = q, v

@@ -18,7 +18,7 @@ def _record(P: Real, S: NDArray[np.int64], sm: int, sl: int, aux: Real, out: Rea
     row = out[k]
     row[X_QS], row[X_VS], row[X_AS] = aux[10], aux[11], aux[5]
     row[X_Q], row[X_V], row[X_A] = aux[14], aux[15], aux[6]
-    row[X_LINK], row[X_TS] = aux[7], aux[2]
+    row[X_LINK], row[X_MOUNT], row[X_TS] = aux[7], aux[16], aux[2]
     row[X_TAU] = aux[12] if S[AT_LOOP] >= 0 else aux[8]
     torque = aux[13]
     if S[LOAD_PRESCRIBED]:

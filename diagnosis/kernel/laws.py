@@ -19,6 +19,8 @@ def hysteresis(z: float, d: float, y: float, kind: int) -> float:
     """Normalised hysteretic torque after a monotone travel ``d`` from the state ``z``; yield angle ``y``."""
     if d == 0.0:
         return z
+    if kind == 4:  # one spring that slips
+        return min(max(z + d / y, -1.0), 1.0)
     s = 1.0 if d > 0.0 else -1.0
     r = abs(d) / y
     if kind == 1:

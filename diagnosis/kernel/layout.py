@@ -25,7 +25,8 @@ TABLE_LOW, TABLE_STEP, TABLE_0 = 95, 96, 97  # a law as torque [N m] at nodes of
 N_NODES = 9
 C_SIDED = 106  # viscous damping more in positive motion and less in negative [N m s/rad]
 PRE_TORQUE, PRE_ANGLE = 107, 108  # dry friction with presliding: torque [N m], angle over which it builds up [rad]
-N_P = 109
+BASE_HIT, BASE_TURN, BASE_SLIDE = 109, 110, 111  # force on the mount per torque on the arm beyond 1; lever a + b/r
+N_P = 112
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
@@ -34,14 +35,15 @@ TABLE_SITE, TABLE_OF = 14, 15
 PRE_SITE = 16
 N_S = 17
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
-DAHL, BOUC_WEN, MAXWELL_SLIP = 1, 2, 3
+DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP = 1, 2, 3, 4
 AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
 OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE, OF_TURN = 0, 1, 2, 3, 4  # TABLE_OF; of turn: a stiffness
 
 # --- columns of the result ----------------------------------------------------------------------------------------
 X_QS, X_VS, X_AS, X_Q, X_V, X_A, X_LINK, X_TS, X_TAU, X_TEXT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
-N_OUT = 10
+X_MOUNT = 10
+N_OUT = 11
 
 # --- of the steppers ----------------------------------------------------------------------------------------------
-N_AUX = 16  # diagnostics of one evaluation
+N_AUX = 17  # diagnostics of one evaluation
 MAX_EVENTS = 12  # pieces into which dry friction may cut one step

@@ -85,7 +85,8 @@ def _scalar_rates_source(
     if rich and mode != 0:
         if mode == 3:
             angle += r
-            mount = -P[BASE_SHARE] / J_l * T - P[BASE_OMEGA] * (P[BASE_OMEGA] * r + 2.0 * P[BASE_ZETA] * u)
+            mount = P[BASE_SHARE] / J_l * (P[BASE_HIT] * ul - T)
+            mount -= P[BASE_OMEGA] * (P[BASE_OMEGA] * r + 2.0 * P[BASE_ZETA] * u)
             du = mount
         elif mode == 1:
             pull = P[LINK_OMEGA] * (P[LINK_OMEGA] * r + 2.0 * P[LINK_ZETA] * u)
@@ -119,7 +120,7 @@ def _scalar_rates_source(
         a = net_l / inertia
         dq, dv = v + lift, a - mount + push
     net_l += inertia * (push - mount)
-    link = 0.0
+    link = mount  # of the mode that hammer and sensor may ride on
     if rich and (mode == 1 or mode == 2):
         du = -a - pull
         if mode == 1:

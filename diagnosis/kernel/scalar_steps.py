@@ -113,7 +113,8 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                 if event == 0:
                     row = out[k]
                     row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
-                    row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = link, T, tau, 0.0
+                    row[X_LINK], row[X_MOUNT] = (0.0, link) if mode == 3 else (link, 0.0)
+                    row[X_TS], row[X_TAU], row[X_TEXT] = T, tau, 0.0
                 if not (dry_m or dry_l):
                     break
                 if pending == 0:
@@ -186,7 +187,8 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
         )  # fmt: skip
         row = out[n]
         row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
-        row[X_LINK], row[X_TS], row[X_TAU], row[X_TEXT] = link, T, tau, 0.0
+        row[X_LINK], row[X_MOUNT] = (0.0, link) if mode == 3 else (link, 0.0)
+        row[X_TS], row[X_TAU], row[X_TEXT] = T, tau, 0.0
 
     return compiled(integrate)
 

@@ -37,6 +37,7 @@ class Building:
         single, translational, vertical: Kind of rig.
         ratio: n [-].
         inertia: J_L [kg m^2 or kg].
+        percussion: Radius of the arm's centre of percussion by the maker's mass and centre of mass [m].
         taken: Part of J_L that further modes carry [kg m^2 or kg].
         stiffness, quadratic, cubic: K, k_2, k_3.
         damping: c [N m s/rad].
@@ -58,6 +59,7 @@ class Building:
     stiffness: float
     damping: float
     weight: complex
+    percussion: float = 1.0
     taken: float = 0.0
     quadratic: float = 0.0
     cubic: float = 0.0
@@ -254,6 +256,8 @@ def begin(model: Mapping[str, Any], base: Mapping[str, float]) -> Building:
         damping=joint.damping,
         weight=complex(base["gravity_moment"]),
     )
+    if plate.get("arm_mass") and plate.get("arm_com_radius"):
+        building.percussion = joint.load_inertia / (plate["arm_mass"] * plate["arm_com_radius"])
     if translational:
         for name in ("motor", "reducer"):
             spec.joint(name).type, spec.joint(name).axis = mujoco.mjtJoint.mjJNT_SLIDE, [1.0, 0.0, 0.0]

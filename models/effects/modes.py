@@ -29,18 +29,41 @@ def link(building: Building, location: str, variant: str, p: Parameters) -> str:
 
 
 def neighbour(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """A neighbour's inertia on its own spring, which neither hammer nor accelerometer touches."""
+    """A neighbour's inertia on its own spring, which neither hammer nor accelerometer touches, or one that carries."""
+    if variant == "carrier":
+        return mount(building, location, variant, p)
     _on_the_arm(building, "neighbour", min(p["modal_share"], 0.95) * building.inertia, p)
     return "body and joint 'neighbour'"
 
 
 def mount(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """The mount turns under the joint's reaction."""
+    """What carries the joint turns under its reaction; where it slides or turns about another axis, the levers are ours.
+
+    A point of the arm at radius r moves by turn + slide/r times what MJCF's coaxial joint moves it.
+    """
+    if building.spec.joint("base") is not None:
+        return ""  # one thing carries the joint
     inertia = building.inertia / p["modal_share"]
     joint = building.add_joint(building.spec.body("motor"), "base")
     joint.armature = inertia
     _spring(joint, inertia, p)
-    return "joint 'base'"
+    turn, slide = _levers(building, variant, p)
+    if (turn, slide) == (1.0, 0.0):
+        return "joint 'base'"
+    for name, gear in (("mount torque", turn - 1.0), ("mount force", slide)):
+        push = building.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="base")
+        push.gear[0] = gear
+    building.law("mount-sensor", turn=turn, slide=slide)
+    return "joint 'base' and actuators 'mount torque', 'mount force'"
+
+
+def _levers(building: Building, variant: str, p: Parameters) -> tuple[float, float]:
+    if variant == "sliding-mount":
+        return 0.0, p["percussion_radius"]
+    if variant == "carrier":
+        both = building.percussion + p["offset"]
+        return building.percussion / both, building.percussion * p["offset"] / both
+    return 1.0, 0.0
 
 
 def _on_the_arm(building: Building, name: str, inertia: float, p: Parameters) -> None:

@@ -38,6 +38,11 @@ def nonlinear_stiffness(building: Building, location: str, variant: str, p: Para
 def hysteresis(building: Building, location: str, variant: str, p: Parameters) -> str:
     """K Delta + T z, initial slope K + stiffness; z unloaded where the run begins."""
     torque, angle = p["torque"], max(p["torque"] / p["stiffness"], 1e-15)
+    if variant == "elastic-slip":
+        slip = building.spec.add_tendon(name="slip")
+        slip.wrap_joint("reducer", 1.0)
+        slip.stiffness[0], slip.springyield = torque / angle, angle
+        return "springyield of a parallel tendon"
     if variant != "maxwell-slip":
         building.law("hysteresis", form="dahl" if variant == "dahl" else "bouc-wen", torque=torque, angle=angle)
         return ""

@@ -26,7 +26,7 @@ Real = NDArray[np.float64]
 Law = Mapping[str, Any]
 
 INSTRUMENTS = (  # in the order in which a signal passes them
-    "link-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth", "sensor-saturation",
+    "link-sensor", "mount-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth", "sensor-saturation",
     "delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
 )  # fmt: skip
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
@@ -162,6 +162,10 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
     if kind == "link-sensor" and channel.direction == "tangential":
         scale = radius if channel.quantity == "linear-acceleration" else 1.0
         return np.asarray(values + float(law["shape"]) * scale * trace.signals["link acceleration"])
+    if kind == "mount-sensor" and channel.direction == "tangential":
+        linear = channel.quantity == "linear-acceleration"
+        lever = (float(law["turn"]) - 1.0) * (radius if linear else 1.0) + (float(law["slide"]) if linear else 0.0)
+        return np.asarray(values + lever * trace.signals["base acceleration"])
     if kind == "sensor-tilt" and channel.quantity == "linear-acceleration":
         q, v = trace.signals["arm angle"], trace.signals["arm speed"]
         cos, sin = math.cos(law["angle"]), math.sin(law["angle"])

@@ -1,0 +1,127 @@
+"""Where a law periodic in position should start: lines against the turn in what a model leaves, by a matched filter.
+
+A small sin(order theta) acts as a torque in the joint (the ripple at the motor, the kinematic error as K e + c e' in the
+transmission), so an output shows h * sin(order theta + phase). Along a motion the line's frequency order theta' sweeps
+over the resonance, where h turns its phase: summed without h, what precedes the resonance cancels what follows. With the
+residual r, its spectrum S and z = h^T S^-1 r (one filter), the decrease of r' S^-1 r by an order is
+
+    |sum_t z e^(-i order theta)|^2 / (1/2 sum_t |H(order theta')|^2 / S(order theta')),
+
+and the sum over t is one Fourier transform over theta, fine enough for any number of turns.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.effects.lines import Residuals, strongest
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Line = tuple[float, float]  # order [1] and phase [rad]
+
+TOPS = {True: 60.0, False: 14.0}  # highest order per output, per motor turn
+CELLS = 12  # per shortest period, into which samples are put by angle
+FINER = 4  # points of the order's axis per 1/turns
+SMOOTHED_HZ = 2.0  # width over which the residual's spectrum is averaged
+SLOWEST = 0.02  # of the greatest speed, below which a turn shows no line
+COARSE = 160  # orders at which the denominator is worked out
+TURNS = 1.5  # that a run must make
+PERIODS = 3.0  # of a line that a run must hold
+
+
+def order_lines(
+    problem: Problem, residuals: Residuals, count: int, *, per_output: bool, source: Literal["ripple", "error"]
+) -> tuple[Line, ...]:
+    """(order, phase) of the strongest lines per motor (or output) turn, over all runs that travel.
+
+    Args:
+        problem: The campaign as prepared; its base's start gives the joint's response.
+        residuals: What a model leaves, per run and output.
+        count: How many at most.
+        per_output: Orders per turn of the output, else of the motor.
+        source: A torque at the motor, or an angle in the transmission.
+    """
+    grid = np.zeros(0)
+    turns = [_turn(run, per_output) for run in problem.runs]
+    longest = max((float(np.ptp(t)) for t in turns if t is not None), default=0.0)
+    if longest < TURNS:
+        return ()
+    grid = np.arange(PERIODS / longest, TOPS[per_output], 1.0 / (FINER * longest))
+    if grid.size < 3:
+        return ()
+    gain, together = np.zeros(grid.size), np.zeros(grid.size, dtype=complex)
+    for run, turn, rows in zip(problem.runs, turns, residuals, strict=True):
+        if turn is None or float(np.ptp(turn)) < TURNS:
+            continue
+        for output, r in zip(run.outputs, rows, strict=True):
+            if output.quantity not in ACCELERATIONS or not np.any(r):
+                continue
+            at = np.interp(output.times, run.time, turn)
+            seen, energy = _matched(problem, output, r, at, grid, source)
+            gain += np.where(energy > 0.0, np.abs(seen) ** 2 / np.maximum(energy, 1e-300), 0.0)
+            together += seen
+    found = strongest(grid, gain, count)
+    return tuple((order, float(np.angle(1j * together[int(np.argmin(np.abs(grid - order)))]))) for order in found)
+
+
+def _turn(run: PreparedRun, per_output: bool) -> Vector | None:
+    """Turns of motor or output at the grid's nodes, or ``None`` where the run hardly moves."""
+    if run.observed is not None and not run.observed.rate_signal:
+        path = run.observed_half[::2]
+    elif run.command is not None:
+        path = np.cumsum(run.command_half[::2]) / run.grid_rate + run.initial_angle
+    else:
+        return None
+    if np.ptp(path) * run.ratio <= 1.0:
+        return None
+    return np.asarray(path * (1.0 if per_output else run.ratio) / (2.0 * np.pi))
+
+
+def _response(problem: Problem, omega: Vector, source: str) -> Complex:
+    """The arm's acceleration per torque at the motor or angle in the transmission, at ``omega`` [rad/s]."""
+    b = {name: float(problem.base.start[i]) for name, i in BASE_INDEX.items()}
+    spring = b["stiffness"] + 1j * omega * b["damping"]
+    if b["stiffness"] <= 0.0 or b["motor_inertia"] <= 0.0:
+        return np.ones(omega.size, dtype=complex)  # one body: it follows
+    shares = 1.0 / b["motor_inertia"] + 1.0 / b["load_inertia"]
+    through = spring / (spring * shares - omega**2)
+    drive = 1.0 / b["motor_inertia"] if source == "ripple" else -(omega**2)
+    return np.asarray(through * drive / b["load_inertia"])
+
+
+def _matched(
+    problem: Problem, output: Output, r: Vector, turn: Vector, grid: Vector, source: str
+) -> tuple[Complex, Vector]:
+    """sum_t z e^(-i 2 pi order turn) and its expected energy per unit amplitude, at the orders of ``grid``."""
+    x = np.where(output.mask, r, 0.0)
+    n = x.size
+    spectrum = np.fft.rfft(x)
+    f = np.fft.rfftfreq(n, 1.0 / output.rate)
+    h = _response(problem, 2.0 * np.pi * f, source)
+    power = np.square(np.abs(spectrum)) / n
+    s = uniform_filter1d(power, max(3, round(SMOOTHED_HZ * n / output.rate)), mode="nearest") + 1e-3 * power.mean()
+    z = np.fft.irfft(np.conj(h) * spectrum / np.maximum(s, 1e-300), n)
+    cell = 1.0 / (CELLS * grid[-1])
+    index = np.floor((turn - turn.min()) / cell).astype(int)
+    size = int(2 ** np.ceil(np.log2(max(index.max() + 1, 1.0 / (cell * (grid[1] - grid[0]))))))
+    binned = np.bincount(index, weights=np.where(output.mask, z, 0.0), minlength=size)
+    lines = np.fft.rfft(binned)
+    orders = np.arange(lines.size) / (size * cell)
+    seen = np.interp(grid, orders, lines.real) + 1j * np.interp(grid, orders, lines.imag)
+    seen = seen * np.exp(-2j * np.pi * grid * (turn.min() + 0.5 * cell))
+    speed = np.abs(np.gradient(turn)) * output.rate
+    moving = output.mask & (speed > SLOWEST * speed.max())
+    density = np.square(np.abs(h)) / np.maximum(s, 1e-300)
+    coarse = np.linspace(grid[0], grid[-1], COARSE)
+    energy = np.array([0.5 * float(np.sum(np.interp(o * speed[moving], f, density, right=0.0))) for o in coarse])
+    return seen, np.interp(grid, coarse, energy)
