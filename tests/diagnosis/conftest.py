@@ -169,6 +169,36 @@ def truth(problem, plant):
     )
 
 
+def recorded_of(problem, share, pickup=0.0, seed=1):
+    """The problem's own predictions at its start as data, with white noise of a share of each channel's rms.
+
+    Accelerations also pick up what drives the run, ``pickup`` times their own rms.
+    """
+    from jointscope.diagnosis.noise import ANGULAR
+    from jointscope.diagnosis.predict import predict_outputs
+
+    rng = np.random.default_rng(seed)
+    runs = []
+    for run in problem.runs:
+        outputs = []
+        for o, y in zip(run.outputs, predict_outputs(run, problem.base.start, (), problem), strict=True):
+            drive = run.motor if run.motor_moves else run.load
+            if not o.observed:
+                y = y + share * np.std(y) * rng.standard_normal(y.size)
+            if pickup and o.quantity not in ANGULAR and drive is not None:
+                u = drive.signal(o.times)
+                y = y + pickup * np.std(y) / max(np.std(u), 1e-12) * u
+            outputs.append(replace(o, data=y))
+        runs.append(replace(run, outputs=tuple(outputs)))
+    return replace(problem, runs=tuple(runs))
+
+
+@pytest.fixture(scope="session")
+def recorded():
+    """The maker of recordings of which the base at its start is the truth."""
+    return recorded_of
+
+
 @pytest.fixture(scope="session")
 def builders():
     """The makers of runs, for tests that need others."""
