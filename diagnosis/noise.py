@@ -100,6 +100,13 @@ def dynamic_level(output: Output) -> float:
     return float(np.sqrt(np.mean(np.square(data)))) if data.size else 0.0
 
 
+def model_floor(output: Output) -> float:
+    """How closely the output is modelled at best [-], of its dynamic level."""
+    if output.quantity not in ANGULAR:
+        return RELATIVE_FLOOR
+    return RIGID_FLOOR if output.followed_to > 2.0 * OBSERVER_HZ else ANGULAR_FLOOR
+
+
 def envelope(output: Output) -> Vector:
     """Local rms of the output [its unit], shape (n,); constant for angles, whose error does not follow their size."""
     level = dynamic_level(output)
@@ -185,10 +192,7 @@ def block_noise(
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
-    share = RELATIVE_FLOOR
-    if outputs[0].quantity in ANGULAR:
-        share = RIGID_FLOOR if outputs[0].followed_to > 2.0 * OBSERVER_HZ else ANGULAR_FLOOR
-    floor = max(share * level, quantum / np.sqrt(12.0), 1e-300)
+    floor = max(model_floor(outputs[0]) * level, quantum / np.sqrt(12.0), 1e-300)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):
         env = envelope(output)
