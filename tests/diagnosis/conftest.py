@@ -199,6 +199,29 @@ def recorded():
     return recorded_of
 
 
+@pytest.fixture
+def deciding():
+    """The maker of a decision that names effects at given sizes on top of the base, the best scored first."""
+    from jointscope.diagnosis.adjudicate import evidence
+    from jointscope.diagnosis.coordinates import coordinates
+    from jointscope.diagnosis.search import Hypothesis
+    from jointscope.diagnosis.verdict import Decision, Ranked, adequacy_of
+
+    def named(judgement, active):
+        base = judgement.base.fit
+        where = coordinates(judgement.objective.problem, (active.spec,))
+        x = where.pack(base.coordinates.unpack(base.x)[0], (active,))
+        fit = replace(base, coordinates=where, x=x, fresh=False)
+        return evidence(Hypothesis((active.spec,), fit, 0.0), judgement.objective, judgement.held)
+
+    def decide(judgement, *actives):
+        judged = [named(judgement, active) for active in actives]
+        ranking = tuple(Ranked(j.names, 0.5, 100.0 - k, j, None) for k, j in enumerate(judged))
+        return Decision("effects", judged[0], 0.9, ranking, None, (), adequacy_of(judgement, judged[0]))
+
+    return decide
+
+
 @pytest.fixture(scope="session")
 def builders():
     """The makers of runs, for tests that need others."""
