@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
 from jointscope.diagnosis.excitation import asked_only, below_excitation
-from jointscope.diagnosis.input_noise import resonance
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.per_run import labelling_cost
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.vibration import resonance
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.coordinates import Coordinates

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
 from jointscope.diagnosis.remainder import remainder_json
-from jointscope.diagnosis.verdict import adequacy_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.pipeline import Diagnosis
@@ -164,46 +162,6 @@ def held_out_json(
             else held_out_detail(problem, held, (base_theta, none), (theta, effects))
         ),
     }, augmented
-
-
-WORSE = 0.01  # of the base's held-out error: no effect is named whose model foretells held-out runs worse than the base
-SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
-SECOND_CHOICE = 0.75  # of its probability that such an answer is given
-
-
-def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
-    """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
-
-    A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
-    unnamed force that does not is left out.
-    """
-    decision, held = diagnosis.decision, diagnosis.split.held_out
-    base = diagnosis.judgement.base
-    if decision.verdict == "none" or decision.chosen is base or not held:
-        return diagnosis
-
-    def error(judged: Judged) -> float:
-        theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
-        return mean_error(channel_errors(diagnosis.problem, free, held, theta, effects, diagnosis.judgement.noise))
-
-    limit = (1.0 + WORSE) * error(base)
-    if not error(decision.chosen) > limit:
-        return diagnosis
-    if decision.verdict == "unknown":
-        return replace(diagnosis, decision=replace(decision, chosen=base))
-    top = decision.ranking[0]
-    others = [r for r in decision.ranking[1:5] if r.names and r.score > SECOND * top.score]
-    kept = [r for r in others if error(r.judged) <= limit]
-    if kept:
-        sure = SECOND_CHOICE * kept[0].probability / sum(r.probability for r in kept)
-        fit = adequacy_of(diagnosis.judgement, kept[0].judged)
-        changed = replace(decision, chosen=kept[0].judged, probability=sure, candidates=(), adequacy=fit)
-    else:
-        changed = replace(
-            decision, verdict="unknown", chosen=base, unknown_reason="outside-catalogue", candidates=(),
-            adequacy=adequacy_of(diagnosis.judgement, base),
-        )  # fmt: skip
-    return replace(diagnosis, decision=changed)
 
 
 def marginal(diagnosis: Diagnosis) -> dict[str, float]:

@@ -22,13 +22,12 @@ from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.menu import HOLD_HZ, Lab, Take, as_run, still
 from jointscope.diagnosis.noise import (
     ANGULAR,
-    ANGULAR_FLOOR,
-    RELATIVE_FLOOR,
     BlockNoise,
     Key,
     NoiseModel,
     block_key,
     dynamic_level,
+    model_floor,
 )
 from jointscope.diagnosis.predict import build, predict_outputs
 from jointscope.diagnosis.run_preparation import prepare_run
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+UNHEARD = 5.0  # times the floor of its model, the noise of an accelerometer or force that no run has recorded yet
 SPEED_LOOP_HZ = 4.0  # bandwidth of a planned motion's drive
 
 
@@ -145,7 +145,7 @@ def planned_noise(known: NoiseModel, runs: Sequence[PreparedRun]) -> NoiseModel:
             key = block_key(run, output)
             held = known.blocks.get(key) or by_channel.get((output.quantity, output.location, output.direction))
             if held is None:
-                share = ANGULAR_FLOOR if output.quantity in ANGULAR else 5.0 * RELATIVE_FLOOR
+                share = model_floor(output) * (1.0 if output.quantity in ANGULAR else UNHEARD)
                 sigma = max(share * dynamic_level(output), 1e-12)
                 held = BlockNoise(np.array([1.0]), sigma, sigma, 0.0)
             blocks[key] = held

@@ -115,20 +115,3 @@ def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, obser
     reached = torque / way.inertia * lever / observer**2
     own = max(white_part(output.data[output.mask]), step / math.sqrt(12.0), 1e-300) / math.sqrt(output.rate)
     return (reached / own) ** 2
-
-
-def resonance(problem: Problem, theta: Vector) -> Pole | None:
-    """The joint with its motor free: w^2 = K (1/J_M + 1/J_L), 2 zeta w = c (1/J_M + 1/J_L) + b_m/J_M^2 ...; ``None``
-    for a rig of one inertia.
-
-    The dampers of motor and load act with the mode's own shares: (b_m/J_M^2 + b_l/J_L^2) / (1/J_M + 1/J_L).
-    """
-    b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
-    if problem.rig.topology != "two-inertia" or min(b["stiffness"], b["motor_inertia"], b["load_inertia"]) <= 0.0:
-        return None
-    by_motor, by_load = 1.0 / b["motor_inertia"], 1.0 / b["load_inertia"]
-    both = by_motor + by_load
-    w = np.sqrt(b["stiffness"] * both)
-    outside = (b["motor_damping"] * by_motor**2 + b["load_damping"] * by_load**2) / both
-    zeta = 0.5 * (b["damping"] * both + outside) / w
-    return float(w / (2.0 * np.pi)), float(np.clip(zeta, 1e-3, 0.9))

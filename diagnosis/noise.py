@@ -104,6 +104,13 @@ def dynamic_level(output: Output) -> float:
     return float(np.sqrt(np.mean(np.square(data)))) if data.size else 0.0
 
 
+def model_floor(output: Output) -> float:
+    """How closely the output is modelled at best [-], of its dynamic level."""
+    if output.quantity not in ANGULAR:
+        return RELATIVE_FLOOR
+    return RIGID_FLOOR if output.followed_to > 2.0 * OBSERVER_HZ else ANGULAR_FLOOR
+
+
 def envelope(output: Output) -> Vector:
     """Local rms of the output [its unit], shape (n,); constant for angles, whose error does not follow their size."""
     level = dynamic_level(output)
@@ -190,22 +197,22 @@ def block_noise(
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
     observed = outputs[0].quantity in ANGULAR and outputs[0].followed_to <= 2.0 * OBSERVER_HZ
-    share = RIGID_FLOOR if outputs[0].quantity in ANGULAR else RELATIVE_FLOOR
-    own = max(quantum / np.sqrt(12.0), 1e-300)
-    floor = own if observed else max(share * level, own)
+    least, own = model_floor(outputs[0]), max(quantum / np.sqrt(12.0), 1e-300)
+    floor = own if observed else max(least * level, own)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):
         env = envelope(output)
         segments.extend(_segments(residual, output.mask))
         envelopes.extend(_segments(env, output.mask))
     if not segments:
-        return BlockNoise(np.array([1.0]), max(floor, ANGULAR_FLOOR * level), max(floor, ANGULAR_FLOOR * level), 0.0)
+        floor = max(floor, least * level)
+        return BlockNoise(np.array([1.0]), floor, floor, 0.0)
     marginal, kappa = _relative_error(segments, envelopes, floor)
     scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
     like_signal: list[Vector] = []
     if observed:  # what no model is closer to has the colour of what the angle does
         for o in outputs:
-            part = ANGULAR_FLOOR * dynamic_part(o)
+            part = least * dynamic_part(o)
             like_signal.append(part / np.sqrt(1.0 + np.square(kappa * dynamic_level(o) / marginal)))
     samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
@@ -213,10 +220,14 @@ def block_noise(
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:
-        through = (lambda x: x) if candidate is None else candidate
-        covariance = autocovariance([through(s) for s in scaled], max_order)
-        if like_signal:
-            covariance = covariance + autocovariance([through(s) for s in like_signal], max_order)
+        quiet, like = (
+            (scaled, like_signal)
+            if candidate is None
+            else (_through(candidate, scaled), _through(candidate, like_signal))
+        )
+        covariance = autocovariance(quiet, max_order)
+        if like:
+            covariance = covariance + autocovariance(like, max_order)
         ar, sigma, whole = fit_ar(covariance, samples, floor, max_order)
         cost = samples * np.log(sigma**2) + len(ar) * np.log(samples)
         if best is None or cost < best[0] - RINGS * samples:
@@ -224,6 +235,10 @@ def block_noise(
             best = (cost, BlockNoise(ar, sigma, whole, kappa * whole / marginal, candidate))
     assert best is not None
     return best[1]
+
+
+def _through(candidate: Ringing, segments: Sequence[Vector]) -> list[Vector]:
+    return [candidate(s) for s in segments]
 
 
 def quantum(output: Output) -> float:

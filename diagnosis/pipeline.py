@@ -14,8 +14,10 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
+from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.power import Unseen, unseen
+from jointscope.diagnosis.predict import free_prediction
 from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
@@ -97,6 +99,7 @@ def diagnose(
     report("weighing what could not have been seen")
     found = decision.chosen if decision.verdict == "effects" else judgement.base
     missed = unseen(problem, judgement, found, specs, pool)
-    return Diagnosis(
+    whole = Diagnosis(
         problem, split, stage, screening, judgement, decision, where, black_box, suggestion, missed, left
     )
+    return handed_on(whole, free_prediction)

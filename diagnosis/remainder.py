@@ -1,8 +1,9 @@
 """Whether what a model leaves still follows what drove the run: a test that needs no candidate.
 
 Per kind of channel the whitened residual is regressed on the inputs at a few lags and on what was predicted, squared with
-its sign; the base's own tangents stay free. The coefficients of the fitted runs are then held against the held-out ones.
-Noise cannot carry over; whatever does is physics, or a fault of the recording, that the model lacks (B.2, stage 2b).
+its sign; the model's own parameters stay where the fit left them, which can only understate the gain. The
+coefficients of the fitted runs are then held against the held-out ones. Noise cannot carry over; whatever does is physics,
+or a fault of the recording, that the model lacks (B.2, stage 2b).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 LAGS = np.arange(-4, 13, 2) * 1e-3  # s; past inputs count further back than coming ones
+N_REGRESSORS = 2 * len(LAGS) + 2
 RIDGE = 1e-6
 FOLLOWS = 20.0  # nats, net of Occam, above which a residual is said to follow the input
 
@@ -63,19 +65,17 @@ def _regressors(run: PreparedRun, output: Output, predicted: Vector) -> NDArray[
     return np.stack(columns, axis=1)
 
 
-def _whitened(
-    objective: Objective, position: int, which: int, columns: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Columns of one output of one run as the objective whitens them, the run's other outputs silent."""
-    run = objective.prepared[position]
-    arrays = [
-        columns if k == which else np.zeros((len(o.data), columns.shape[1])) for k, o in enumerate(run.outputs)
-    ]
-    return objective.whiteners[position](arrays)
-
-
 @dataclass(frozen=True, eq=False)
 class _Rows:
+    """Residual and regressors of the runs that hold a kind of channel.
+
+    Attributes:
+        w: Whitened residual of each run, once, shape (n,).
+        columns: Regressors of its outputs of that kind, whitened, the run's other outputs silent, shape (n, k).
+        raw: The same as they are at the scored samples, shape (n_scored, k).
+        signal: Squared signal over these samples [the output's unit squared].
+    """
+
     w: Vector
     columns: NDArray[np.float64]
     raw: NDArray[np.float64]
@@ -86,16 +86,20 @@ def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
     predictions = judged.predictions_held if held else judged.predictions
     w, columns, raw, signal = [], [], [], 0.0
     for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
-        for k, output in enumerate(run.outputs):
+        arrays, hold_it = [], False
+        for output, y in zip(run.outputs, predicted, strict=True):
             if block_key(run, output) != key:
+                arrays.append(np.zeros((len(output.data), N_REGRESSORS)))
                 continue
-            x = _regressors(run, output, predicted[k])
-            w.append(objective.whiten_run(i, predicted))
-            columns.append(_whitened(objective, i, k, x))
+            x, hold_it = _regressors(run, output, y), True
+            arrays.append(x)
             raw.append(x[output.mask])
             signal += dynamic_level(output) ** 2 * int(output.mask.sum())
+        if hold_it:
+            w.append(objective.whiten_run(i, predicted))
+            columns.append(objective.whiteners[i](arrays))
     if not w:
-        return _Rows(np.zeros(0), np.zeros((0, 2 * len(LAGS) + 2)), np.zeros((0, 2 * len(LAGS) + 2)), 0.0)
+        return _Rows(np.zeros(0), np.zeros((0, N_REGRESSORS)), np.zeros((0, N_REGRESSORS)), 0.0)
     return _Rows(np.concatenate(w), np.concatenate(columns), np.concatenate(raw), signal)
 
 

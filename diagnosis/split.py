@@ -15,7 +15,9 @@ import numpy as np
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import PreparedRun, Problem
 
-HOLD_EVERY = 3  # of a stratum sorted by level, the 2nd, 5th, 8th ... from the top are kept back: what is quiet shows little
+HOLD_EVERY = (
+    3  # of a stratum sorted by level, the 2nd, 5th, 8th ... from the top are kept back: what is quiet shows little
+)
 
 
 @dataclass(frozen=True)

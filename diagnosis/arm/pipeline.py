@@ -10,10 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.arm.effects import arm_catalogue
-from jointscope.diagnosis.arm.predict import predict_outputs
+from jointscope.diagnosis.arm.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.locate import Places
+from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.pipeline import Diagnosis, silent
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort
@@ -51,4 +52,6 @@ def diagnose_arm(
     screening, hypotheses = explore(stage, arm_catalogue(problem), effort, report)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
-    return Diagnosis(problem, split, stage, screening, judgement, decide(judgement), Places((), {}, None), None)
+    nowhere = Places((), {}, None)
+    whole = Diagnosis(problem, split, stage, screening, judgement, decide(judgement), nowhere, None)
+    return handed_on(whole, free_prediction)

@@ -169,6 +169,59 @@ def truth(problem, plant):
     )
 
 
+def recorded_of(problem, share, pickup=0.0, seed=1):
+    """The problem's own predictions at its start as data, with white noise of a share of each channel's rms.
+
+    Accelerations also pick up what drives the run, ``pickup`` times their own rms.
+    """
+    from jointscope.diagnosis.noise import ANGULAR
+    from jointscope.diagnosis.predict import predict_outputs
+
+    rng = np.random.default_rng(seed)
+    runs = []
+    for run in problem.runs:
+        outputs = []
+        for o, y in zip(run.outputs, predict_outputs(run, problem.base.start, (), problem), strict=True):
+            drive = run.motor if run.motor_moves else run.load
+            if not o.observed:
+                y = y + share * np.std(y) * rng.standard_normal(y.size)
+            if pickup and o.quantity not in ANGULAR and drive is not None:
+                u = drive.signal(o.times)
+                y = y + pickup * np.std(y) / max(np.std(u), 1e-12) * u
+            outputs.append(replace(o, data=y))
+        runs.append(replace(run, outputs=tuple(outputs)))
+    return replace(problem, runs=tuple(runs))
+
+
+@pytest.fixture(scope="session")
+def recorded():
+    """The maker of recordings of which the base at its start is the truth."""
+    return recorded_of
+
+
+@pytest.fixture
+def deciding():
+    """The maker of a decision that names effects at given sizes on top of the base, the best scored first."""
+    from jointscope.diagnosis.adjudicate import evidence
+    from jointscope.diagnosis.coordinates import coordinates
+    from jointscope.diagnosis.search import Hypothesis
+    from jointscope.diagnosis.verdict import Decision, Ranked, adequacy_of
+
+    def named(judgement, active):
+        base = judgement.base.fit
+        where = coordinates(judgement.objective.problem, (active.spec,))
+        x = where.pack(base.coordinates.unpack(base.x)[0], (active,))
+        fit = replace(base, coordinates=where, x=x, fresh=False)
+        return evidence(Hypothesis((active.spec,), fit, 0.0), judgement.objective, judgement.held)
+
+    def decide(judgement, *actives):
+        judged = [named(judgement, active) for active in actives]
+        ranking = tuple(Ranked(j.names, 0.5, 100.0 - k, j, None) for k, j in enumerate(judged))
+        return Decision("effects", judged[0], 0.9, ranking, None, (), adequacy_of(judgement, judged[0]))
+
+    return decide
+
+
 @pytest.fixture(scope="session")
 def builders():
     """The makers of runs, for tests that need others."""

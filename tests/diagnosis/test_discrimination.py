@@ -14,7 +14,15 @@ from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.foretelling import foretell, planned_noise, planned_whitener
 from jointscope.diagnosis.menu import chirp, hit, lab_of, multisine, planned, speeds
 from jointscope.diagnosis.next_experiment import choose, needed
-from jointscope.diagnosis.noise import white
+from jointscope.diagnosis.noise import (
+    ANGULAR_FLOOR,
+    RIGID_FLOOR,
+    NoiseModel,
+    block_key,
+    block_noise,
+    dynamic_level,
+    white,
+)
 
 
 def spec_of(problem, name, location="transmission"):
@@ -135,3 +143,14 @@ def test_hits_of_a_planned_run_forgive_gain_and_timing(problem):
     gained = [0.01 * (y - y[0]) for y in found.outputs]
     bent = [0.01 * np.abs(y - y[0]) for y in found.outputs]
     assert np.linalg.norm(whitener(gained)) < 0.9 * np.linalg.norm(whitener(bent))
+
+
+@pytest.mark.parametrize(("followed_to", "floor"), [(3.0, ANGULAR_FLOOR), (20.0, RIGID_FLOOR)])
+def test_a_planned_angle_is_modelled_as_closely_as_a_recorded_one(problem, followed_to, floor):
+    """A free inertia's angle, followed to 20 Hz, keeps its wider floor in plans too."""
+    run = next(r for r in problem.runs if any(o.quantity == "angle" for o in r.outputs))
+    angle = replace(next(o for o in run.outputs if o.quantity == "angle"), followed_to=followed_to)
+    planned_run = replace(run, outputs=(angle,))
+    block = planned_noise(NoiseModel({}, 0.01, 3e-5), [planned_run]).blocks[block_key(planned_run, angle)]
+    assert block.sigma == pytest.approx(floor * dynamic_level(angle))
+    assert block_noise((angle,), (np.zeros(angle.data.size),), 0).sigma == pytest.approx(block.sigma, rel=1e-5)

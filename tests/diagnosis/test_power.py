@@ -14,26 +14,12 @@ from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.split import split_runs
 
 
-def noisy(problem, share, seed=1):
-    """The problem's own predictions at its start as data, with white noise of a share of each channel's rms."""
-    rng = np.random.default_rng(seed)
-    runs = []
-    for run in problem.runs:
-        predicted = predict_outputs(run, problem.base.start, (), problem)
-        outputs = tuple(
-            replace(o, data=y if o.observed else y + share * np.std(y) * rng.standard_normal(y.size))
-            for o, y in zip(run.outputs, predicted, strict=True)
-        )
-        runs.append(replace(run, outputs=outputs))
-    return replace(problem, runs=tuple(runs))
-
-
 @pytest.fixture(scope="module")
-def judged(problem):
+def judged(problem, recorded):
     found = {}
     with ThreadPoolExecutor(1) as pool:
         for share in (0.01, 0.5):
-            own = noisy(problem, share)
+            own = recorded(problem, share)
             stage = refit_base(own, predict_outputs, tuple(range(len(own.runs))), pool)
             found[share] = (own, judge(stage, (), split_runs(own).held_out))
         yield found

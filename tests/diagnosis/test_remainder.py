@@ -8,36 +8,18 @@ import pytest
 
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.base import refit_base
-from jointscope.diagnosis.noise import ANGULAR
+from jointscope.diagnosis.noise import ANGULAR, block_key
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.remainder import remainder_json, remainders
+from jointscope.diagnosis.remainder import _rows, remainder_json, remainders
 from jointscope.diagnosis.split import split_runs
 
 
-def recorded(problem, pickup, seed=3):
-    """The problem's own predictions as data, noise on them, and in accelerations ``pickup`` times what drives the run."""
-    rng = np.random.default_rng(seed)
-    runs = []
-    for run in problem.runs:
-        outputs = []
-        for o, y in zip(run.outputs, predict_outputs(run, problem.base.start, (), problem), strict=True):
-            drive = run.motor if run.motor_moves else run.load
-            if not o.observed:
-                y = y + 0.02 * np.std(y) * rng.standard_normal(y.size)
-            if o.quantity not in ANGULAR and drive is not None:
-                u = drive.signal(o.times)
-                y = y + pickup * np.std(y) / max(np.std(u), 1e-12) * u
-            outputs.append(replace(o, data=y))
-        runs.append(replace(run, outputs=tuple(outputs)))
-    return replace(problem, runs=tuple(runs))
-
-
 @pytest.fixture(scope="module")
-def found(problem):
+def found(problem, recorded):
     left = {}
     with ThreadPoolExecutor(1) as pool:
         for pickup in (0.0, 0.1):
-            own = recorded(problem, pickup)
+            own = recorded(problem, 0.02, pickup, seed=3)
             split = split_runs(own)
             judgement = judge(refit_base(own, predict_outputs, split.estimate, pool), (), split.held_out)
             left[pickup] = remainders(judgement, judgement.base)
@@ -55,3 +37,28 @@ def test_noise_on_a_right_model_does_not(found):
     assert found[0.0] and not any(r.stands for r in found[0.0])
     assert all(r.gain < 0.0 for r in found[0.0])
     assert remainder_json(found[0.0]) == []
+
+
+def test_two_channels_of_one_kind_are_one_run(problem, recorded):
+    """A run with two accelerometers alike has one residual: its energy counts once."""
+    own = recorded(problem, 0.02, 0.1, seed=3)
+    rng = np.random.default_rng(4)
+    runs = []
+    for run in own.runs:
+        alike = next(o for o in run.outputs if o.quantity not in ANGULAR)
+        again = replace(alike, data=alike.data + 0.02 * np.std(alike.data) * rng.standard_normal(alike.data.size))
+        runs.append(replace(run, outputs=(*run.outputs, again)))
+    own = replace(own, runs=tuple(runs))
+    with ThreadPoolExecutor(1) as pool:
+        split = split_runs(own)
+        judgement = judge(refit_base(own, predict_outputs, split.estimate, pool), (), split.held_out)
+        for which, energy in ((False, judgement.base.fitted), (True, judgement.base.held_out)):
+            objective = judgement.held if which else judgement.objective
+            for key in {block_key(run, o) for run in objective.prepared for o in run.outputs}:
+                rows = _rows(objective, judgement.base, key, which)
+                theirs = [
+                    i for i, r in enumerate(objective.prepared) if key in {block_key(r, o) for o in r.outputs}
+                ]
+                assert rows.w.size == sum(sum(objective.whiteners[i].sizes) for i in theirs) == len(rows.columns)
+                assert rows.w @ rows.w == pytest.approx(sum(energy[i] for i in theirs))
+        assert any(r.stands for r in remainders(judgement, judgement.base))

@@ -152,14 +152,13 @@ def _diagnosed(
     problem: Problem, pool: ThreadPoolExecutor, report: Report
 ) -> tuple[Diagnosis, dict[str, Any], dict[str, Any]]:
     """A diagnosis, its ``diagnosis.json`` and its ``model.json``."""
-    from jointscope.diagnosis.answer import diagnosis_json, finite_or_none, handed_on
+    from jointscope.diagnosis.answer import diagnosis_json, finite_or_none
     from jointscope.diagnosis.effects import catalogue
     from jointscope.diagnosis.model_file import model_json
     from jointscope.diagnosis.pipeline import diagnose
     from jointscope.diagnosis.predict import free_prediction, predict_outputs
 
-    found = diagnose(problem, predict_outputs, catalogue(problem), pool, report=report)
-    diagnosis = handed_on(found, free_prediction)
+    diagnosis = diagnose(problem, predict_outputs, catalogue(problem), pool, report=report)
     report("writing")
     answer = finite_or_none(diagnosis_json(diagnosis, free_prediction))
     theta, effects = diagnosis.decision.chosen.fit.coordinates.unpack(diagnosis.decision.chosen.fit.x)

@@ -1,0 +1,51 @@
+"""What foretells held-out runs worse than the base is not named, by whichever way a joint is diagnosed."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from jointscope.diagnosis import pipeline
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.locate import Places
+from jointscope.diagnosis.no_worse import SECOND_CHOICE
+from jointscope.diagnosis.predict import predict_outputs
+
+
+@pytest.fixture
+def answered(problem, deciding, monkeypatch):
+    """The diagnosis of a joint that is the base, where the evidence had named the effects given."""
+    silenced = {
+        "explore": (None, []), "remainders": (), "places": Places((), {}, None), "suggest": None, "unseen": (),
+    }  # fmt: skip
+    for name, result in silenced.items():
+        monkeypatch.setattr(pipeline, name, lambda *_, result=result: result)
+
+    def diagnosed(*actives):
+        monkeypatch.setattr(pipeline, "decide", lambda judgement: deciding(judgement, *actives))
+        with ThreadPoolExecutor(1) as pool:
+            return pipeline.diagnose(problem, predict_outputs, (), pool).decision
+
+    return diagnosed
+
+
+def sized(problem, name, location, factor):
+    spec = next(s for s in catalogue(problem) if (s.name, s.location) == (name, location))
+    values = list(spec.starts(problem)[0])
+    null = spec.parameters[spec.amplitude].null
+    values.insert(spec.amplitude, null + factor * spec.scale(problem)[2])
+    return ActiveEffect(spec, tuple(values))
+
+
+def test_an_effect_that_foretells_worse_is_not_named(problem, answered):
+    decision = answered(sized(problem, "coulomb-friction", "load", 2.0))
+    assert decision.verdict == "unknown" and decision.unknown_reason == "outside-catalogue"
+    assert decision.chosen.names == ()
+
+
+def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, answered):
+    worse = sized(problem, "coulomb-friction", "load", 2.0)
+    no_worse = sized(problem, "backlash", "transmission", 0.0)
+    assert answered(no_worse).chosen.names == ("backlash@transmission",)
+    second = answered(worse, no_worse)
+    assert second.verdict == "effects" and second.chosen.names == ("backlash@transmission",)
+    assert second.probability == pytest.approx(SECOND_CHOICE)
