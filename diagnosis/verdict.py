@@ -15,7 +15,10 @@ from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
-WRONG_FORM = 0.01  # or this share of the best score: what a wrong form costs grows with what the effect explains
+WRONG_FORM = 0.01  # or this share of the best score, between laws neither of which is nearer the data than ...
+NEARER = 0.25  # of half the squared distance of their predictions, which is what the true one would lead by
+CONTAINED = (("coulomb-friction", "stribeck-friction"), ("base-compliance", "neighbour-flexibility"))
+CONTAINING = 8.0  # nats by which a law that contains another must lead it
 SPARING = (
     0.0,
     0.0,
@@ -72,6 +75,39 @@ def temperature(best: float) -> float:
     return max(TEMPERATURE, WRONG_FORM * best)
 
 
+def distance(judgement: Judgement, one: Judged, other: Judged) -> float:
+    """Half the squared distance of two predictions of all runs, whitened [nats]: the lead of the one that is true."""
+    freedom = max(sum(sum(w.sizes) for w in judgement.objective.whiteners), 1)
+    overdispersion = max(1.0, min(one.chi2, other.chi2) / freedom)
+    pairs = [(one.fit.w, other.fit.w), *zip(one.left_held, other.left_held, strict=True)]
+    return 0.5 * float(sum(np.sum(np.square(a - b)) for a, b in pairs)) / overdispersion
+
+
+def contains(outer: Judged, inner: Judged) -> bool:
+    """Whether the sets differ by one law only, and that of ``outer`` contains that of ``inner``."""
+    more, less = set(outer.names) - set(inner.names), set(inner.names) - set(outer.names)
+    if len(more) != 1 or len(less) != 1:
+        return False
+    (wide, place), (narrow, at) = (next(iter(x)).split("@") for x in (more, less))
+    carries = any(spec.variant == "carrier" for spec in outer.hypothesis.specs)
+    return (narrow, wide) in CONTAINED and (place == at or (wide == "neighbour-flexibility" and carries))
+
+
+def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Judged]]) -> list[float]:
+    """Nats of belief of every set against the leading one; how far a lead counts depends on who is compared."""
+    top, leader = max(values.values(), key=lambda v: v[0])
+    found = []
+    for value, judged in values.values():
+        lead = top - value
+        apart = not judged.names or not leader.names or contains(judged, leader)
+        if apart or lead > NEARER * distance(judgement, leader, judged):
+            heat = TEMPERATURE
+        else:
+            heat = temperature(top)
+        found.append(-lead / heat + SPARING[min(len(judged.names), 3)])
+    return found
+
+
 def rank(judgement: Judgement) -> list[Ranked]:
     """Sets by tempered score, the base among them with score 0."""
     stands = {id(j) for j in standing(judgement)}
@@ -82,8 +118,10 @@ def rank(judgement: Judgement) -> list[Ranked]:
             value = min(value, 0.0) - NOT_STANDING
         if judged.names not in best or value > best[judged.names][0]:
             best[judged.names] = (value, judged)
-    values = np.array([v for v, _ in best.values()])
-    belief = values / temperature(float(values.max())) + [SPARING[min(len(names), 3)] for names in best]
+    for names, (value, judged) in list(best.items()):
+        if any(contains(judged, other) for _, other in list(best.values()) if other.names):
+            best[names] = (value - CONTAINING, judged)
+    belief = np.array(_belief(judgement, best))
     weights = np.exp(belief - belief.max())
     weights /= weights.sum()
     ranked = [
@@ -121,7 +159,7 @@ def decide(judgement: Judgement) -> Decision:
     if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT:
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
-    near = [r for r in ranking if r.names and top.score - r.score < NEAR * temperature(top.score)]
+    near = [r for r in ranking if r.names and r.probability > top.probability * math.exp(-NEAR)]
     if top.probability < (SURE if len(top.names) == 1 else SURE_OF_SETS) and len(near) > 1:
         shared = _shared(ranking, near)
         if shared is not None:

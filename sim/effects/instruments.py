@@ -26,8 +26,8 @@ Real = NDArray[np.float64]
 Law = Mapping[str, Any]
 
 INSTRUMENTS = (  # in the order in which a signal passes them
-    "link-sensor", "mount-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth", "sensor-saturation",
-    "delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
+    "link-sensor", "mount-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth",
+    "sensor-saturation", "delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
 )  # fmt: skip
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
 _MOTOR_TORQUES = ("torque", "current", "phase-current", "voltage", "force")
