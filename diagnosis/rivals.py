@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+LEVERED = ("sliding-mount", "carrier")  # laws of what carries the joint that have a parameter more
+
 
 def rivals(
     objective: Objective,
@@ -43,6 +45,7 @@ def rivals(
             trials = [c for c in trials if names_of((*kept, c.spec)) not in known]
             if not trials:
                 continue
+            trials.extend(_same_numbers(trials, effects[position]))
             active = _nearest(objective, theta, others, trials)
             known.add(names_of((*kept, active.spec)))
             fit = fit_child(objective, base, [*others, active], effort, [theta])
@@ -69,13 +72,36 @@ def grown(
             for c in candidates
             if c.spec.name in wider and c.spec.location == spec.location
         ]
-        if not trials or any(t.spec.parameters[0].name != spec.parameters[0].name for t in trials):
-            continue
-        active = _nearest(objective, theta, others, trials)
-        fit = fit_child(objective, base, [*others, active], effort, [theta])
-        if fit is not None:
-            found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+        if any(t.spec.parameters[0].name != spec.parameters[0].name for t in trials):
+            trials = []
+        for group in (trials, *_with_levers(candidates, effects[position])):
+            if not group:
+                continue
+            active = _nearest(objective, theta, others, group)
+            fit = fit_child(objective, base, [*others, active], effort, [theta])
+            if fit is not None:
+                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
     return found
+
+
+def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
+    """One trial of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
+    known = dict(zip((p.name for p in leader.spec.parameters), leader.values, strict=True))
+    found: dict[int, ActiveEffect] = {}
+    for trial in trials:
+        names = [p.name for p in trial.spec.parameters]
+        if id(trial.spec) not in found and any(name in known for name in names):
+            values = [known.get(name, value) for name, value in zip(names, trial.values, strict=True)]
+            found[id(trial.spec)] = ActiveEffect(trial.spec, tuple(values))
+    return list(found.values())
+
+
+def _with_levers(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
+    """What carries the joint may slide, or turn about an axis of its own: the leader's mode with a lever, law by law."""
+    if leader.spec.name != "base-compliance":
+        return []
+    wider = [c for c in candidates if c.spec.variant in LEVERED and c.spec is not leader.spec]
+    return [[active] for active in _same_numbers(wider, leader)]
 
 
 def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:

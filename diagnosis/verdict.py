@@ -13,11 +13,12 @@ from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Comparison, Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
+from jointscope.diagnosis.search import CONTAINED
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 WRONG_FORM = 0.01  # or this share of the best score, between laws neither of which is nearer the data than ...
 NEARER = 0.25  # of half the squared distance of their predictions, which is what the true one would lead by
-CONTAINED = (("coulomb-friction", "stribeck-friction"), ("base-compliance", "neighbour-flexibility"))
+WIDER = (*CONTAINED, ("base-compliance", "neighbour-flexibility"))  # law, and one that contains it
 CONTAINING = 8.0  # nats by which a law that contains another must lead it
 SPARING = (
     0.0,
@@ -90,7 +91,7 @@ def contains(outer: Judged, inner: Judged) -> bool:
         return False
     (wide, place), (narrow, at) = (next(iter(x)).split("@") for x in (more, less))
     carries = any(spec.variant == "carrier" for spec in outer.hypothesis.specs)
-    return (narrow, wide) in CONTAINED and (place == at or (wide == "neighbour-flexibility" and carries))
+    return (narrow, wide) in WIDER and (place == at or (wide == "neighbour-flexibility" and carries))
 
 
 def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Judged]]) -> list[float]:

@@ -24,9 +24,11 @@ from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.lines import Residuals, response_peaks, spectral_peaks
 from jointscope.diagnosis.effects.spec import (
+    Apply,
     EffectSpec,
     Location,
     ParameterSpec,
+    Possible,
     ResidualStarts,
     Starts,
     Values,
@@ -220,6 +222,27 @@ _NEAR: tuple[tuple[str, Location], ...] = (
     ("base-compliance", "base"),
 )
 
+_LEVERED: tuple[tuple[tuple[str, Location], str, ParameterSpec, str, Apply, float, Possible], ...] = (
+    (
+        ("base-compliance", "base"),
+        "sliding-mount",
+        ParameterSpec("percussion_radius", "m", 1e-3, 1e3, log=True),
+        "the mount slides under force and reaction",
+        _sliding,
+        1.0,
+        _levered,
+    ),
+    (
+        ("neighbour-flexibility", "neighbour"),
+        "carrier",
+        ParameterSpec("offset", "m", -1e3, 1e3),
+        "a neighbour that carries the joint turns about an axis at this distance",
+        _carrier,
+        0.5,
+        _offset,
+    ),
+)
+
 SPECS: tuple[EffectSpec, ...] = (
     EffectSpec(
         name="link-flexibility",
@@ -296,25 +319,6 @@ SPECS: tuple[EffectSpec, ...] = (
             limits=_lever_limits,
             residual_starts=_lever_peaks(0.15, 6.0, share),
         )
-        for (name, location), variant, lever, law, apply, share, possible in (
-            (
-                ("base-compliance", "base"),
-                "sliding-mount",
-                ParameterSpec("percussion_radius", "m", 1e-3, 1e3, log=True),
-                "the mount slides under force and reaction",
-                _sliding,
-                1.0,
-                _levered,
-            ),
-            (
-                ("neighbour-flexibility", "neighbour"),
-                "carrier",
-                ParameterSpec("offset", "m", -1e3, 1e3),
-                "a neighbour that carries the joint turns about an axis at this distance",
-                _carrier,
-                0.5,
-                _offset,
-            ),
-        )
+        for (name, location), variant, lever, law, apply, share, possible in _LEVERED
     ),
 )

@@ -37,6 +37,7 @@ SLOWEST = 0.02  # of the greatest speed, below which a turn shows no line
 COARSE = 160  # orders at which the denominator is worked out
 TURNS = 1.5  # that a run must make
 PERIODS = 3.0  # of a line that a run must hold
+FRINGE = 2.5  # of 1/turns, beside the strongest line, within which its fringes are given too
 
 
 def order_lines(
@@ -71,7 +72,18 @@ def order_lines(
             gain += np.where(energy > 0.0, np.abs(seen) ** 2 / np.maximum(energy, 1e-300), 0.0)
             together += seen
     found = strongest(grid, gain, count)
-    return tuple((order, float(np.angle(1j * together[int(np.argmin(np.abs(grid - order)))]))) for order in found)
+    places = [int(np.argmin(np.abs(grid - order))) for order in found]
+    if places:
+        places[1:1] = _fringes(gain, places[0], round(FRINGE * FINER))
+    return tuple((float(grid[place]), float(np.angle(1j * together[place]))) for place in places)
+
+
+def _fringes(gain: Vector, place: int, reach: int) -> list[int]:
+    """The two highest other maxima within ``reach`` points: a resonance passed twice gives fringes of like height."""
+    low, high = max(place - reach, 1), min(place + reach + 1, gain.size - 1)
+    middle = gain[low:high]
+    tops = low + np.flatnonzero((middle >= gain[low - 1 : high - 1]) & (middle > gain[low + 1 : high + 1]))
+    return sorted((int(k) for k in tops if k != place), key=lambda k: -float(gain[k]))[:2]
 
 
 def _turn(run: PreparedRun, per_output: bool) -> Vector | None:
@@ -107,7 +119,7 @@ def _matched(
     n = x.size
     spectrum = np.fft.rfft(x)
     f = np.fft.rfftfreq(n, 1.0 / output.rate)
-    h = _response(problem, 2.0 * np.pi * f, source)
+    h = _response(problem, np.asarray(2.0 * np.pi * f, dtype=np.float64), source)
     power = np.square(np.abs(spectrum)) / n
     s = uniform_filter1d(power, max(3, round(SMOOTHED_HZ * n / output.rate)), mode="nearest") + 1e-3 * power.mean()
     z = np.fft.irfft(np.conj(h) * spectrum / np.maximum(s, 1e-300), n)
@@ -119,7 +131,7 @@ def _matched(
     orders = np.arange(lines.size) / (size * cell)
     seen = np.interp(grid, orders, lines.real) + 1j * np.interp(grid, orders, lines.imag)
     seen = seen * np.exp(-2j * np.pi * grid * (turn.min() + 0.5 * cell))
-    speed = np.abs(np.gradient(turn)) * output.rate
+    speed = np.asarray(np.abs(np.gradient(turn)) * output.rate, dtype=np.float64)
     moving = output.mask & (speed > SLOWEST * speed.max())
     density = np.square(np.abs(h)) / np.maximum(s, 1e-300)
     coarse = np.linspace(grid[0], grid[-1], COARSE)

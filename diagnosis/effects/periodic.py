@@ -62,7 +62,7 @@ def _starts(orders: tuple[float, ...]) -> Starts:
 
 def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
-        found = order_lines(problem, residuals, 4, per_output=per_output, source=source)
+        found = order_lines(problem, residuals, 3, per_output=per_output, source=source)
         return tuple((order, math.remainder(phase + turn, math.tau)) for order, phase in found for turn in _TURNED)
 
     return starts

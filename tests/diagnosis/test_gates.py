@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from jointscope.diagnosis import verdict
 from jointscope.diagnosis.adjudicate import REAL, Comparison
 from jointscope.diagnosis.parameters import bounded, near_nameplate
-from jointscope.diagnosis.verdict import TEMPERATURE, temperature
+from jointscope.diagnosis.verdict import TEMPERATURE, contains, distance, rank, temperature
 
 FOUND = Comparison(
     gain=200.0, held_gain=80.0, expected_held=90.0, foretold_held=85.0, share_of_runs=1.0, lost=0.0, material=0.02,
@@ -88,3 +90,66 @@ def test_a_nameplate_off_by_ten_bounds_nothing(problem, wrong):
     for name in ("stiffness", "load_inertia"):
         i = base.names.index(name)
         assert base.lower[i] < 0.5 * start[name] and base.upper[i] > 2.0 * start[name]
+
+
+def stand_in(name, variant, chi2=0.0, w=()):
+    """As much of a judged hypothesis as telling two apart looks at."""
+    spec = SimpleNamespace(name=name.partition("@")[0], location=name.partition("@")[2], variant=variant)
+    return SimpleNamespace(
+        names=(name,), hypothesis=SimpleNamespace(specs=(spec,)), chi2=chi2, fit=SimpleNamespace(w=np.array(w)),
+        left_held=(),
+    )  # fmt: skip
+
+
+def test_a_law_contains_another_at_its_own_place_only():
+    coulomb, stribeck = stand_in("coulomb-friction@load", "plain"), stand_in("stribeck-friction@load", "gaussian")
+    assert contains(stribeck, coulomb) and not contains(coulomb, stribeck)
+    assert not contains(stand_in("stribeck-friction@motor", "gaussian"), coulomb)
+    base = stand_in("base-compliance@base", "turning-mount")
+    assert contains(stand_in("neighbour-flexibility@neighbour", "carrier"), base)
+    assert not contains(stand_in("neighbour-flexibility@neighbour", "absorber"), base)
+
+
+def test_the_true_of_two_laws_leads_by_their_distance():
+    """w = truth - prediction: for the truth w is noise, for the other noise + d, and half of |d|^2 is the lead."""
+    rng = np.random.default_rng(1)
+    noise, d = rng.standard_normal(4000), np.zeros(4000)
+    d[:100] = 1.5
+    one = stand_in("a@load", "", float(noise @ noise), noise)
+    other = stand_in("b@load", "", float((noise + d) @ (noise + d)), noise + d)
+    judgement = SimpleNamespace(objective=SimpleNamespace(whiteners=[SimpleNamespace(sizes=(4000,))]))
+    apart = distance(judgement, one, other)
+    assert apart == pytest.approx(0.5 * d @ d, rel=0.1)
+    assert 0.5 * (other.chi2 - one.chi2) == pytest.approx(apart, abs=4.0 * math.sqrt(2.0 * apart))
+
+
+@pytest.mark.parametrize(("apart", "sure"), [(100.0, True), (1e4, False)])
+def test_a_lead_counts_by_how_far_the_two_are_apart(monkeypatch, apart, sure):
+    """30 nats of 20 thousand: decisive where the two predict almost alike, nothing where the data lie between them."""
+    judged = (
+        SimpleNamespace(names=()),
+        stand_in("delay@acquisition", ""),
+        stand_in("sensor-gain@acquisition", ""),
+    )
+    scores = {"delay@acquisition": 20000.0, "sensor-gain@acquisition": 19970.0}
+    monkeypatch.setattr(verdict, "standing", lambda judgement: judged[1:])
+    monkeypatch.setattr(verdict, "score", lambda judgement, j: scores[j.names[0]])
+    monkeypatch.setattr(verdict, "compare", lambda *_: None)
+    monkeypatch.setattr(verdict, "distance", lambda *_: apart)
+    top = rank(SimpleNamespace(judged=judged, base=judged[0]))[0]
+    assert top.names == ("delay@acquisition",) and (top.probability > 0.99) is sure
+
+
+def test_the_law_that_contains_another_must_lead_it(monkeypatch):
+    judged = (
+        SimpleNamespace(names=()),
+        stand_in("coulomb-friction@load", "plain"),
+        stand_in("stribeck-friction@load", "gaussian"),
+    )
+    monkeypatch.setattr(verdict, "standing", lambda judgement: judged[1:])
+    monkeypatch.setattr(verdict, "compare", lambda *_: None)
+    monkeypatch.setattr(verdict, "distance", lambda *_: 40.0)
+    for lead, named in ((5.0, "coulomb-friction@load"), (30.0, "stribeck-friction@load")):
+        scores = {"coulomb-friction@load": 4000.0, "stribeck-friction@load": 4000.0 + lead}
+        monkeypatch.setattr(verdict, "score", lambda judgement, j, scores=scores: scores[j.names[0]])
+        assert rank(SimpleNamespace(judged=judged, base=judged[0]))[0].names == (named,)

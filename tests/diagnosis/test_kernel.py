@@ -242,7 +242,7 @@ def test_cubic_backbone():
     )
 
 
-@pytest.mark.parametrize("kind", [k.DAHL, k.BOUC_WEN, k.MAXWELL_SLIP])
+@pytest.mark.parametrize("kind", [k.DAHL, k.BOUC_WEN, k.MAXWELL_SLIP, k.ELASTIC_SLIP])
 def test_hysteresis_is_rate_independent_dissipates_and_starts_stiff(kind):
     """The loop in (Delta, T) is the same at any rate, has an area above zero and the initial slope K + T/D."""
     area = []
@@ -320,6 +320,47 @@ def test_further_modes_stand_at_the_eigenfrequencies(switch):
     t, out = run(P, S, ul=lambda t: 300.0 * np.exp(-(((t - 0.02) / 0.001) ** 2)), duration=4.0)
     tail = t > 0.1
     np.testing.assert_allclose(spectrum_peaks(t[tail], out[tail, k.X_A]), expected, rtol=3e-3)
+
+
+@pytest.mark.parametrize(("offset", "radius"), [(math.inf, 0.9), (0.35, 0.9), (0.35, 0.5), (0.0, 0.7)])
+def test_what_carries_the_joint_is_the_two_body_problem_in_space(offset, radius):
+    """Mount that slides (offset infinite) or turns about a parallel axis, against the bodies' own equations of motion.
+
+    Arm of mass m, centre l, J_L about the joint; the joint moves by y = x (slides) or y = d n, the arm also turns by n.
+    """
+    K, J, mass, com, arm = KW["K"], KW["J_L"], 5.0, 0.4, 30.0
+    slides = math.isinf(offset)
+    turn, shift = (
+        (0.0, 1.0) if slides else (1.0, offset)
+    )  # per coordinate: rotation of the arm, motion of the joint
+    coupling = J * turn + mass * com * shift
+    own = arm + J * turn**2 + 2.0 * mass * com * shift * turn + mass * shift**2
+    M = np.array([[J, coupling], [coupling, own]])
+    k_n = own * (2.0 * math.pi * 31.0) ** 2
+    a, b = (0.0, J / (mass * com)) if slides else (J / coupling, J * shift / coupling)
+    assert turn == pytest.approx(a * coupling / J) and shift == pytest.approx(b * coupling / J)
+    rest = own * (J / coupling) ** 2 - J  # J_n of the mode in units of the arm's angle
+    P, S = packed(
+        BASE_SHARE=J / rest, BASE_OMEGA=math.sqrt(k_n * (J / coupling) ** 2 / rest), BASE_HIT=a + b / radius - 1.0
+    )
+    modes(S, k.AT_BASE)
+
+    def hit(t):
+        return 200.0 * np.exp(-(((np.asarray(t) - 0.02) / 0.002) ** 2))
+
+    t, out = run(P, S, ul=lambda t: radius * hit(t), duration=0.3, rate=8192.0)
+    ours = radius * (out[:, k.X_A] + (a + b / radius - 1.0) * out[:, k.X_MOUNT])
+    lever = np.array([radius, radius * turn + shift])
+    stiff = np.diag([K, k_n])
+
+    def f(time, x):
+        return np.concatenate([x[2:], np.linalg.solve(M, lever * hit(time) - stiff @ x[:2])])
+
+    found = solve_ivp(
+        f, (0.0, float(t[-1])), np.zeros(4), method="DOP853", rtol=1e-9, atol=1e-13, t_eval=t, max_step=1e-3
+    ).y
+    theirs = np.array([lever @ f(time, x)[2:] for time, x in zip(t, found.T, strict=True)])
+    np.testing.assert_allclose(ours, theirs, atol=2e-3 * np.max(np.abs(theirs)))
 
 
 def test_kinematic_error_cancels_in_the_momentum_balance_and_ripple_does_not():

@@ -52,3 +52,9 @@ def test_one_run_is_never_split():
     split = split_runs(SimpleNamespace(runs=(take(1.0, 1),)))
     assert split.held_out == ()
     assert "one run only" in split.reason
+
+
+def test_what_is_kept_back_is_loud_enough_to_show_something():
+    """Two quiet sweeps and two loud ones: one of the loud is kept back and one fitted."""
+    runs = [take(level, seed, "torque-sweep") for seed, level in enumerate((1.0, 1.01, 4.0, 4.01))]
+    assert held_seeds(runs) == {"2"}

@@ -1,0 +1,53 @@
+"""Lines against the turn are found where they are, at any phase, also where they sweep over the resonance."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.effects.orders import _response, order_lines
+
+RATE, RATIO = 1000.0, 100.0
+K, C, J_M, J_L = 1.5e5, 30.0, 6.0, 3.0
+
+
+def bench(order, phase, source, noise, seed=1, reverse=False):
+    """A motion from rest to speed and back: the line passes the resonance twice."""
+    t = np.arange(0.0, 6.0, 1.0 / RATE)
+    angle = 1.3 * 0.5 * (1.0 - np.cos(2.0 * math.pi * t / 6.0)) * (-1.0 if reverse else 1.0)
+    start = np.zeros(max(BASE_INDEX.values()) + 1)
+    for name, value in (("stiffness", K), ("damping", C), ("motor_inertia", J_M), ("load_inertia", J_L)):
+        start[BASE_INDEX[name]] = value
+    output = SimpleNamespace(
+        times=t, rate=RATE, mask=np.ones(t.size, dtype=bool), quantity="linear-acceleration", data=np.zeros(t.size)
+    )
+    observed = SimpleNamespace(rate_signal=False)
+    run = SimpleNamespace(
+        observed=observed, observed_half=np.repeat(angle, 2), time=t, ratio=RATIO, outputs=(output,)
+    )
+    problem = SimpleNamespace(runs=(run,), base=SimpleNamespace(start=start))
+    law = np.sin(order * RATIO * angle + phase)
+    f = np.fft.rfftfreq(2 * t.size, 1.0 / RATE)
+    shown = np.fft.irfft(_response(problem, 2.0 * math.pi * f, source) * np.fft.rfft(law, 2 * t.size))[: t.size]
+    rng = np.random.default_rng(seed)
+    return problem, [[shown + noise * np.std(shown) * rng.standard_normal(t.size)]]
+
+
+@pytest.mark.parametrize("source", ["ripple", "error"])
+@pytest.mark.parametrize(("order", "phase"), [(1.0, 0.4), (2.37, -2.0), (6.0, 3.0), (11.93, 1.5)])
+def test_a_line_is_found_with_its_phase(order, phase, source):
+    problem, residuals = bench(order, phase, source, noise=2.0)
+    found = order_lines(problem, residuals, 3, per_output=False, source=source)
+    turns = 1.3 * RATIO / (2.0 * math.pi)
+    best = min(found, key=lambda line: abs(line[0] - order))
+    assert best in found[:3]  # itself or one of its fringes
+    assert abs(best[0] - order) < 0.5 / turns
+    assert abs(math.remainder(best[1] + (best[0] - order) * RATIO * 0.65 - phase, math.tau)) < 0.6
+
+
+def test_what_hardly_turns_has_no_lines():
+    problem, residuals = bench(2.0, 0.0, "ripple", noise=1.0)
+    problem.runs[0].observed_half = 0.01 * problem.runs[0].observed_half
+    assert order_lines(problem, residuals, 3, per_output=False, source="ripple") == ()
