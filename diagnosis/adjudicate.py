@@ -34,6 +34,7 @@ Vector = NDArray[np.float64]
 Kind = tuple[object, ...]
 
 REAL = 14.0  # nats beyond the Occam cost: the candidates tried, and what no noise model foresees
+UNASKED = 0.5  # of what is asked of the fitted runs, where the held-out ones give all of it by themselves
 REAL_FURTHER = 25.0  # the same of any further effect, which has the rest of an imperfect law to feed on
 REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
 NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
@@ -130,7 +131,8 @@ class Comparison:
     @property
     def real(self) -> bool:
         """Beyond chance on the fitted runs."""
-        return self.gain > (REAL if self.parents == 0 else max(REAL_FURTHER, OF_PARENT * self.parent_gain))
+        needed = REAL if self.parents == 0 else max(REAL_FURTHER, OF_PARENT * self.parent_gain)
+        return self.gain > needed or (self.gain > UNASKED * needed and self.held_gain > needed)
 
     @property
     def carries_over(self) -> bool:

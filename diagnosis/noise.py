@@ -31,7 +31,7 @@ ABOUT = (0.3, 1.0, 3.0)  # times the power of input noise that the torque log it
 NO_MATTER = 1e-3  # of the sensor's own power
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
-ANGULAR_FLOOR = 0.003  # the same of what an angle does within the quarter second that an observer does not follow
+ANGULAR_FLOOR = 0.001  # the same of what an angle does within the quarter second that an observer does not follow, coloured alike
 RIGID_FLOOR = (
     0.03  # and of a free inertia's, followed to 20 Hz: its innovation is the force's error, not the angle's
 )

@@ -2,6 +2,7 @@ r"""Dry friction at motor or arm, friction that grows with load, and drag.
 
     T_f = T (1 +- asymmetry) sgn(w)                                     Coulomb
     T_f = T sgn(w) and viscous damping b (1 +- viscous_asymmetry)       Coulomb, beside an input of unknown zero
+    T_f = T tanh(w/w_e)                                                 Coulomb, rounded
     dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
     T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
     T_f = mu |T_S| sgn(w)                                               load-dependent
@@ -62,6 +63,43 @@ def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
     torque, share = values
     _dry(assembly, "load", torque, torque)
     assembly.P[kernel.C_SIDED] += share * assembly.P[kernel.B_L]
+
+
+def _rounded(location: str) -> Apply:
+    torque, speed = (
+        (kernel.ROUND_M, kernel.ROUND_M_SPEED) if location == "motor" else (kernel.ROUND_L, kernel.ROUND_L_SPEED)
+    )
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        assembly.P[torque], assembly.P[speed] = values
+
+    return apply
+
+
+def _top_speed(problem: Problem, location: str) -> float:
+    s = problem.scales
+    return max(s.motor_speed if location == "motor" else s.speed, 1e-6)
+
+
+def _rounded_spec(location: Location) -> EffectSpec:
+    return EffectSpec(
+        name="coulomb-friction",
+        location=location,
+        variant="rounded",
+        family="dissipative",
+        parameters=(_TORQUE, ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)),
+        law="T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
+        revealed_by=("hammer", "speed-motion", "torque-sweep"),
+        look_alikes=_ALIKE,
+        apply=_rounded(location),
+        scale=_sizes(location),
+        starts=lambda problem: tuple((share * _top_speed(problem, location),) for share in (0.02, 0.1)),
+        possible=_possible(location),
+        limits=lambda problem: {
+            **_torque_limits(problem),
+            "rounding": (2e-3 * _top_speed(problem, location), 0.5 * _top_speed(problem, location)),
+        },
+    )
 
 
 def _presliding(location: str) -> Apply:
@@ -266,6 +304,8 @@ def _share_sizes(problem: Problem) -> tuple[float, float, float]:
 SPECS: tuple[EffectSpec, ...] = (
     *_coulomb_specs("motor"),
     *_coulomb_specs("load"),
+    _rounded_spec("motor"),
+    _rounded_spec("load"),
     _presliding_spec("motor"),
     _presliding_spec("load"),
     *_stribeck_specs("motor"),

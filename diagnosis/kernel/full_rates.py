@@ -101,6 +101,8 @@ def _rates_source(
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if S[PRE_SITE] == AT_MOTOR:
         force_m -= P[PRE_TORQUE] * hysteresis(mem[9], q_s - mem[8], P[PRE_ANGLE], DAHL)
+    if P[ROUND_M] != 0.0:
+        force_m -= P[ROUND_M] * math.tanh(v_s / P[ROUND_M_SPEED])
     level_m = P[FM_LOAD] * abs(T)
     a_s = 0.0
     if motor == MOTOR_HELD:
@@ -138,6 +140,8 @@ def _rates_source(
     force_l = T + ul - P[B_L] * v - P[G_CONST]
     if S[TABLE_SITE] == AT_LOAD:
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
+    if P[ROUND_L] != 0.0:
+        force_l -= P[ROUND_L] * math.tanh(v / P[ROUND_L_SPEED])
     if S[PRE_SITE] == AT_LOAD:
         force_l -= P[PRE_TORQUE] * hysteresis(mem[9], q - mem[8], P[PRE_ANGLE], DAHL)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:

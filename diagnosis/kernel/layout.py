@@ -26,7 +26,13 @@ N_NODES = 9
 C_SIDED = 106  # viscous damping more in positive motion and less in negative [N m s/rad]
 PRE_TORQUE, PRE_ANGLE = 107, 108  # dry friction with presliding: torque [N m], angle over which it builds up [rad]
 BASE_HIT, BASE_TURN, BASE_SLIDE = 109, 110, 111  # force on the mount per torque on the arm beyond 1; lever a + b/r
-N_P = 112
+ROUND_M, ROUND_M_SPEED, ROUND_L, ROUND_L_SPEED = (
+    112,
+    113,
+    114,
+    115,
+)  # friction T tanh(w/w_e): torque [N m], w_e [rad/s]
+N_P = 116
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -66,6 +66,8 @@ def _scalar_rates_source(
     net_m = tau - T - b_m * v_s
     if rich and S[TABLE_SITE] == AT_MOTOR:
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
+    if rich and P[ROUND_M] != 0.0:
+        net_m -= P[ROUND_M] * math.tanh(v_s / P[ROUND_M_SPEED])
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -100,6 +102,8 @@ def _scalar_rates_source(
     net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
     if rich and S[TABLE_SITE] == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
+    if rich and P[ROUND_L] != 0.0:
+        net_l -= P[ROUND_L] * math.tanh(v / P[ROUND_L_SPEED])
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:

@@ -7,14 +7,22 @@ b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the sp
 
 from __future__ import annotations
 
+import numpy as np
+
 from jointscope.models.effects.building import Building, Parameters
 
 FASTEST = 1e3  # rad/s or m/s; beyond every speed
+SATURATED, NODES = 9.0, 361  # tanh is 1 within 3e-8 there, and straight within 3e-4 between so many nodes
 
 
 def coulomb(building: Building, location: str, variant: str, p: Parameters) -> str:
     """T (1 +- asymmetry) against the motion."""
     torque, asymmetry = p["torque"], p.get("asymmetry", 0.0)
+    if variant == "rounded":
+        at, reach = "load" if building.single else location, SATURATED * p["rounding"]
+        nodes = np.linspace(-SATURATED, SATURATED, NODES)
+        building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(-torque * np.tanh(nodes)))
+        return ""
     building.rub(location, torque, asymmetry * torque)
     if p.get("viscous_asymmetry", 0.0):
         one_sided = -p["viscous_asymmetry"] * float(building.spec.tendon("arm").damping[0]) * FASTEST

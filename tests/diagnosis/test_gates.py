@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import verdict
-from jointscope.diagnosis.adjudicate import REAL, Comparison
+from jointscope.diagnosis.adjudicate import REAL, UNASKED, Comparison
 from jointscope.diagnosis.parameters import bounded, near_nameplate
 from jointscope.diagnosis.verdict import TEMPERATURE, contains, distance, rank, temperature
 
@@ -26,7 +26,8 @@ def test_what_gains_carries_over_and_matters_stands():
 @pytest.mark.parametrize(
     "changed",
     [
-        {"gain": 0.9 * REAL},
+        {"gain": 0.9 * UNASKED * REAL},
+        {"gain": 0.9 * REAL, "held_gain": 0.9 * REAL, "foretold_held": 10.0, "expected_held": 10.0},
         {"held_gain": 1.0},
         {"held_gain": 20.0},  # a true child would have gained 85
         {"expected_held": 2000.0},  # the fitted runs gained twenty-five times as much, sample for sample
@@ -36,6 +37,10 @@ def test_what_gains_carries_over_and_matters_stands():
 )
 def test_each_gate_alone_keeps_it_out(changed):
     assert not replace(FOUND, **changed).stands
+
+
+def test_what_the_held_out_runs_show_by_themselves_needs_less_in_the_fit():
+    assert replace(FOUND, gain=0.9 * REAL).stands
 
 
 def test_a_run_that_loses_by_chance_does_not_outweigh_what_was_foretold():
