@@ -130,7 +130,7 @@ def _stribeck(location: str, exponent: float) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, breakaway, speed = values
         first = _dry(assembly, location, torque, torque)
-        assembly.P[first + 2] = max(breakaway / max(torque, 1e-12) - 1.0, 0.0)
+        assembly.P[first + 2] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9)  # a search may pass where it rises
         assembly.P[first + 3], assembly.P[first + 4] = speed, exponent
 
     return apply
@@ -286,6 +286,7 @@ def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
             law="[T + (T_b - T) exp(-|w/w_s|^a)] sgn(w)",
             revealed_by=("speed-motion",),
             look_alikes=("coulomb-friction", "load-dependent-friction"),
+            sensible=lambda values: values[1] > values[0],
             apply=_stribeck(location, exponent),
             scale=_sizes(location),
             starts=_speeds(location),

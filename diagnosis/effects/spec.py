@@ -50,6 +50,11 @@ Possible = Callable[["Problem"], "str | None"]
 ResidualStarts = Callable[["Problem", "Sequence[Sequence[NDArray[np.float64]]]"], tuple[Values, ...]]
 
 
+def always(values: Values) -> bool:
+    """Any values are the effect."""
+    return True
+
+
 def no_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     """Bounds as written."""
     return {}
@@ -76,6 +81,7 @@ class EffectSpec:
         residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``.
         proportional: Positions of parameters that are resized with the amplitude (a breakaway torque, say).
         profiled: Numbers that are fitted anew in every run, held-out ones too (a phase, say).
+        sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
     """
 
     name: str
@@ -95,6 +101,7 @@ class EffectSpec:
     residual_starts: ResidualStarts | None = field(default=None, repr=False)
     proportional: tuple[int, ...] = ()
     profiled: int = 0
+    sensible: Callable[[Values], bool] = field(default=always, repr=False)
 
     @property
     def amplitude(self) -> int:
