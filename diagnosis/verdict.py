@@ -27,7 +27,7 @@ SPARING = (
     -5.0,
 )  # nats of belief by the number of effects: there are more sets than single effects
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
-SURE = 0.6  # probability of the leading effect below which it is not named alone
+SURE = 0.75  # probability of the leading effect below which it is not named alone
 SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in for a look-alike
 LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
