@@ -32,6 +32,7 @@ NO_MATTER = 1e-3  # of the sensor's own power
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
 ANGULAR_FLOOR = 0.001  # the same of what an angle does within the quarter second that an observer does not follow, coloured alike
+EXACT = 1e-6  # of an angle's dynamic level: what a single-precision log still tells apart
 RIGID_FLOOR = (
     0.03  # and of a free inertia's, followed to 20 Hz: its innovation is the force's error, not the angle's
 )
@@ -198,7 +199,7 @@ def block_noise(
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
     observed = outputs[0].quantity in ANGULAR and outputs[0].followed_to <= 2.0 * OBSERVER_HZ
     least, own = model_floor(outputs[0]), max(quantum / np.sqrt(12.0), 1e-300)
-    floor = own if observed else max(least * level, own)
+    floor = max((EXACT if observed else least) * level, own)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):
         env = envelope(output)
