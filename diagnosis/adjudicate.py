@@ -45,6 +45,8 @@ OF_PARENT = 0.03  # and of the parent's own gain over the base
 IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
 CARRIES_OVER = 0.06  # held-out gain over what the same kind of runs gained in the fit, per sample
 AS_FORETOLD = 0.3  # and over what a true child would gain there
+AGREES = 0.7  # of what was foretold, with which held-out runs need not gain in proportion: not all show an effect alike
+TELLING = 15.0  # nats that must be foretold for that
 HELD = 3.0  # nats that held-out runs must gain at least
 LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain, or due
 MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
@@ -140,7 +142,9 @@ class Comparison:
         if math.isnan(self.held_gain):
             return True
         due = max(self.held_gain + self.lost, self.foretold_held)
-        enough = max(HELD, CARRIES_OVER * self.expected_held, AS_FORETOLD * self.foretold_held)
+        agrees = self.foretold_held > TELLING and self.held_gain > AGREES * self.foretold_held
+        proportion = 0.0 if agrees else CARRIES_OVER * self.expected_held
+        enough = max(HELD, proportion, AS_FORETOLD * self.foretold_held)
         return self.held_gain > enough and self.lost < LOSING * due
 
     @property
