@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from jointscope.experiments.modal_peers import available, pyfrf_ema
-from jointscope.experiments.recovery import BAND, CASES, closed_form_campaign
+from jointscope.experiments.recovery_cases import BAND, CASES, closed_form_campaign
 from jointscope.identification.hammer import HammerPlan
 from jointscope.identification.identify import identify
 

@@ -30,7 +30,7 @@ from jointscope.recordings.bandlimited import bandlimited
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.diagnosis.responses import Response
-    from jointscope.identification.drive import Drive
+    from jointscope.identification.drive_law import Drive
     from jointscope.recordings.campaign import Campaign, Nameplate
 
 Vector = NDArray[np.float64]

@@ -79,8 +79,9 @@ def proof(summary: Mapping[str, Any]) -> FirstScreen:
     )
     return FirstScreen(
         verdict=f"{summary['cases']} campaigns with concealed effects were diagnosed before the seal was opened: {said}"
-        + (f"; short of it: {', '.join(short)}." if short else "."),
+        + (f", {len(short)} fall short (listed at the end)." if short else "."),
         facts=(
+            *_headlines(summary),
             ("draw", f"{summary['draw']}, {summary['kind']}"),
             ("seed", str(summary["seed"])),
             ("seal", str(summary["seal"])[:16]),
@@ -89,6 +90,21 @@ def proof(summary: Mapping[str, Any]) -> FirstScreen:
         next_step="Read the wrong answers one by one: each names the case, what was true and what was said." if short
         else "Nothing fell short on this draw.",
     )  # fmt: skip
+
+
+_HEADLINES = (  # measures of the proof that a reader asks for first
+    "false alarms on nulls: any physics named", "single, name and location exact: easy",
+    "single, name and location exact: medium", "single, name and location exact: hard", "pairs: both named",
+)  # fmt: skip
+
+
+def _headlines(summary: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    rows = {row["name"]: row["value"] for row in summary["table"]}
+    return tuple(
+        (name, f"{rows[name]['hits']} of {rows[name]['cases']}")
+        for name in _HEADLINES
+        if isinstance(rows.get(name), Mapping) and rows[name]["cases"]
+    )
 
 
 def sensitivity(result: Mapping[str, Any]) -> FirstScreen:

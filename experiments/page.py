@@ -121,7 +121,8 @@ def _asset(name: str) -> str:
 
 
 def _first(first: FirstScreen) -> list[str]:
-    parts = [f'<p class="verdict">{html.escape(pretty(first.verdict))}</p>']
+    verdict = pretty(first.verdict).replace(" %", "\u00a0%")  # no line begins with the sign
+    parts = [f'<p class="verdict">{html.escape(verdict)}</p>']
     if first.facts:
         facts = (f"<div><dt>{html.escape(a)}</dt><dd>{html.escape(pretty(b))}</dd></div>" for a, b in first.facts)
         parts.append(f'<dl class="facts">{"".join(facts)}</dl>')

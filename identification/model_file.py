@@ -67,7 +67,7 @@ class BaseModel:
         terms: Single-mode systems in parallel; empty where one mode describes the joint.
         input_unit: Unit of the input that the values are meant per.
         joint_name: The joint of an arm campaign; ``None`` on a single-joint rig.
-        drive: The drive's identified law (``identification/drive.py``), or ``None``.
+        drive: The drive's identified law (``identification/drive_law.py``), or ``None``.
         kind: ``base``, or what a later stage made of it.
         effects: Effects that a diagnosis added, as it wrote them.
     """

@@ -20,7 +20,9 @@ from jointscope.models.arm.linear import joint_values
 from jointscope.models.arm.reference import arm_reference
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.prediction.arm import predict_arm
-from jointscope.prediction.arm_map import ModelMap, guess_map, mapped_arm, model_posture, read_map
+from jointscope.prediction.arm_comparison import model_posture
+from jointscope.prediction.arm_guess import guess_map, mapped_arm
+from jointscope.prediction.arm_map import ModelMap, read_map
 from jointscope.prediction.base_model import ChannelPrediction, RunPrediction, predict_campaign
 from jointscope.recordings.campaign import Campaign, Run
 

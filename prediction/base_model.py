@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
-from jointscope.identification.drive import Drive, drive_from_json
+from jointscope.identification.drive_law import Drive, drive_from_json
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.drift import TOLERABLE, drift_removed, legitimate_from
 from jointscope.prediction.integrate import Motion, integrate

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.identification.drive import Drive
+from jointscope.identification.drive_law import Drive
 from jointscope.prediction.integrate import Loop
 from jointscope.recordings.bandlimited import Bandlimited
 

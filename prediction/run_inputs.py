@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
-from jointscope.identification.drive import Drive
+from jointscope.identification.drive_law import Drive
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.closed_loop import close
 from jointscope.prediction.drift import resting_offset

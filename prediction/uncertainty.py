@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.identification.drive import Drive
+from jointscope.identification.drive_law import Drive
 from jointscope.identification.model_file import BaseModel
 from jointscope.prediction.base_model import RunPrediction, predict_run
 from jointscope.prediction.spectra import Spectrum, Window, spectrum

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from jointscope.errors import CampaignError
 from jointscope.recordings.campaign import Channel, Stream
 from jointscope.recordings.files import Column, DataFile
-from jointscope.recordings.stream_columns import Table, channel_of, find_columns, find_named, frozen
+from jointscope.recordings.stream_columns import Table, believable, channel_of, find_columns, find_named, frozen
 
 
 def read_frf_stream(stream: Table, where: str, file: Path, data: DataFile) -> Stream:
@@ -68,6 +68,7 @@ def _channel(
         coherence = find_named(key, declared["coherence"], where, file, data)
     if coherence is not None and coherence.size != axis.size:
         raise CampaignError(data.path, f"coherence of {column.name}", f"{coherence.size} lines, not {axis.size}")
-    return channel_of(
+    channel = channel_of(
         {**declared, "averages": declared.get("averages", column.averages)}, values, coherence, column.unit
     )
+    return believable(channel, data.path)

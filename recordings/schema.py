@@ -29,6 +29,8 @@ Kind = Literal[
     "table", "tables", "numbers-by-name", "holds", "start", "scale", "share",
 ]  # fmt: skip
 Table = Mapping[str, object]
+# numbers beyond it, and divisors nearer to 0 than its inverse, are slips of the pen; their squares would overflow
+EXTREME: Final = 1e30
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,7 @@ def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     try:
-        return math.isfinite(value)
+        return math.isfinite(value) and abs(value) <= EXTREME
     except OverflowError:  # a whole number beyond doubles
         return False
 
@@ -220,7 +222,11 @@ def _problem(key: Key, value: object) -> str:
             "" if all(v in key.choices for v in named) else f"must be {_listed(key.choices)}, or a table of them"
         )
     test, must = _KINDS[key.kind]
-    return "" if test(value) else f"must be {must}"
+    if test(value):
+        return ""
+    size = abs(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else 0
+    extreme = 0 < size < 1.0 / EXTREME or EXTREME < size < math.inf
+    return f"must be {must}{f', between {1.0 / EXTREME:g} and {EXTREME:g} in size' if extreme else ''}"
 
 
 def _listed(choices: tuple[str, ...]) -> str:
@@ -235,10 +241,10 @@ _KINDS: Final[dict[str, tuple[Callable[[Any], bool], str]]] = {
     "text": (lambda v: isinstance(v, str), "a text in quotes"),
     "flag": (lambda v: isinstance(v, bool), "true or false"),
     "number": (_is_number, "a finite number"),
-    "positive": (lambda v: _is_number(v) and v > 0, "a positive number"),
+    "positive": (lambda v: _is_number(v) and v >= 1.0 / EXTREME, "a positive number"),
     "not-negative": (lambda v: _is_number(v) and v >= 0, "zero or a positive number"),
-    "share": (lambda v: _is_number(v) and 0 < v <= 1, "above 0 and at most 1"),
-    "scale": (lambda v: _is_number(v) and v != 0, "a number other than zero"),
+    "share": (lambda v: _is_number(v) and 1.0 / EXTREME <= v <= 1, "above 0 and at most 1"),
+    "scale": (lambda v: _is_number(v) and abs(v) >= 1.0 / EXTREME, "a number other than zero"),
     "count": (lambda v: isinstance(v, int) and not isinstance(v, bool) and v > 0, "a positive whole number"),
     "pair": (lambda v: _is_vector(v, 2) and v[0] < v[1], "[t0, t1] in seconds with t0 < t1"),
     "vector": (lambda v: _is_vector(v, 3), "three numbers [x, y, z]"),

@@ -17,6 +17,7 @@ from jointscope.recordings.units import si_factor
 
 Table = Mapping[str, Any]
 Number = TypeVar("Number", bound=np.generic)
+LARGEST = 1e50  # SI: beyond it no unit leads, and squares and products would overflow
 MissingOutputs = Literal["refuse", "allow"]
 
 
@@ -71,6 +72,22 @@ def frozen(values: NDArray[Number]) -> NDArray[Number]:
     copy = values.copy()
     copy.setflags(write=False)
     return copy
+
+
+def believable(channel: Channel, path: Path) -> Channel:
+    """The channel as it is.
+
+    Raises:
+        CampaignError: A sample is larger than anything that is measured.
+    """
+    samples = channel.samples
+    if samples is not None and np.any(np.abs(samples) > LARGEST):
+        place = int(np.argmax(np.abs(samples) > LARGEST))
+        raise CampaignError(
+            path, channel.column, f"sample {place} is {abs(samples[place]):.3g} in SI, beyond any measurement",
+            fix="mend the file, or the channel's unit or scale",
+        )  # fmt: skip
+    return channel
 
 
 def vector(value: list[float] | None) -> tuple[float, float, float] | None:

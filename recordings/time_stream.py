@@ -14,6 +14,7 @@ from jointscope.recordings.files import Column, DataFile
 from jointscope.recordings.stream_columns import (
     MissingOutputs,
     Table,
+    believable,
     channel_of,
     find_columns,
     find_named,
@@ -58,7 +59,9 @@ def read_time_stream(stream: Table, where: str, file: Path, data: DataFile, miss
         start_uncertainty=math.inf if start == "unknown" else float(stream.get("start_uncertainty", 0.0)),
         length=length,
         channels=tuple(
-            channel_of(channel, raw.get(name), None, columns[name].unit if name in columns else None)
+            believable(
+                channel_of(channel, raw.get(name), None, columns[name].unit if name in columns else None), path
+            )
             for channel in stream["channels"]
             for name in (channel["column"],)
         ),

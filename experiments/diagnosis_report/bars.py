@@ -37,6 +37,22 @@ def pairs(traces: Sequence[Trace], *, corrected: bool) -> tuple[Pair, ...]:
     )
 
 
+def worst_sentence(found: Sequence[Pair]) -> str:
+    """Where the model is farthest above the noise, with both figures; empty where no floor is known."""
+    known = [p for p in found if math.isfinite(p.base) and math.isfinite(p.floor) and p.floor > 0.0]
+    if not known:
+        return ""
+    worst = max(known, key=lambda p: p.base / p.floor)
+    return (
+        f" They differ most in {worst.label}: an error of {_percent(worst.base)} of the signal, where noise alone makes "
+        f"{_percent(worst.floor)}."
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.0f} %"
+
+
 def _mean(values: Sequence[float]) -> float:
     known = [min(v, 100.0) for v in values if math.isfinite(v)]
     return sum(known) / len(known) if known else float("nan")

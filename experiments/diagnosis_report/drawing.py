@@ -53,6 +53,7 @@ def joint_drawing(
     spring: bool,
     sure: bool,
     values: Mapping[str, str] | None = None,
+    silent: str = "",
 ) -> str:
     """The rig with the parts of ``lit`` marked.
 
@@ -62,6 +63,7 @@ def joint_drawing(
         spring: Single-dof rigs: whether a spring holds the inertia.
         sure: Marks are solid; otherwise dashed, for candidates.
         values: Location -> a figure to write under the part.
+        silent: Written under the drawing where nothing is marked.
     """
     if topology == "two-inertia":
         parts = _ROTARY
@@ -80,6 +82,8 @@ def joint_drawing(
             f'<text class="{"label" if place in shown else ""}" x="{x + width / 2}" y="{y + height / 2 + 5}">{label}</text>'
         )
     pieces += _flags(shown, parts, sure)
+    if silent and not shown:
+        pieces.append(f'<text class="label" x="310" y="260">{html.escape(silent)}</text>')
     pieces += [
         f'<text class="value" x="{parts[p][0][0] + parts[p][0][2] / 2}" y="{parts[p][0][1] + parts[p][0][3] + 18}">'
         f"{html.escape(text)}</text>"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from jointscope.atomic import write_text
 from jointscope.experiments.diagnosis_report import tables
-from jointscope.experiments.diagnosis_report.bars import error_bars, pairs
+from jointscope.experiments.diagnosis_report.bars import error_bars, pairs, worst_sentence
 from jointscope.experiments.diagnosis_report.drawing import joint_drawing, marks
 from jointscope.experiments.diagnosis_report.evidence import evidence
 from jointscope.experiments.diagnosis_report.traces import Models, Trace, gather
@@ -99,12 +99,18 @@ def first_screen(models: Models, answer: dict[str, Any], traces: Sequence[Trace]
         motion=rig.motion,
         spring=any(run.spring for run in models.problem.runs),
         sure=answer["verdict"] == "effects",
+        silent="the place is not known" if answer["verdict"] == "unknown" else "",
     )
+    sliding = rig.motion == "translational"
+    compared = pairs(traces, corrected=bool(models.effects))
+    verdict = verdict_sentence(answer, translational=sliding)
+    if answer["unknown_reason"] == "outside-catalogue":
+        verdict += worst_sentence(compared)
     return FirstScreen(
-        verdict=verdict_sentence(answer, translational=rig.motion == "translational"),
+        verdict=verdict,
         facts=_facts(answer),
-        next_step=next_step(answer),
-        markup=(drawing, error_bars(pairs(traces, corrected=bool(models.effects)))),
+        next_step=next_step(answer, translational=sliding),
+        markup=(drawing, error_bars(compared)),
     )
 
 
@@ -116,13 +122,16 @@ def _named(answer: dict[str, Any]) -> tuple[str, ...]:
 
 def _facts(answer: dict[str, Any]) -> tuple[tuple[str, str], ...]:
     facts = [("probability of the verdict", f"{100.0 * answer['verdict_probability']:.0f} %")]
+    stated = (answer.get("calibration") or {}).get("stated_probability")
+    if stated is not None and abs(stated - answer["verdict_probability"]) > 0.1:
+        facts.append(("before calibration", f"{100.0 * stated:.0f} %"))
     held = answer["held_out"]
     if held and held["base_error"] is not None:
         count = len(held["runs"])
         facts.append(
             (f"fit on {count} held-out run{'s' if count > 1 else ''}, base", percent_fit(held["base_error"]))
         )
-        if answer["verdict"] != "none" and held["augmented_error"] is not None:
+        if answer["verdict"] != "none" and held["augmented_error"] not in (None, held["base_error"]):
             facts.append(("corrected", percent_fit(held["augmented_error"])))
         if held["noise_floor"] is not None:
             facts.append(("best possible (noise floor)", percent_fit(held["noise_floor"])))

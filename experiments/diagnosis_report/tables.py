@@ -33,6 +33,10 @@ def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:
     notes = [
         "Score: evidence over the base model, held-out runs included; a set that fails a test stands below zero."
     ]
+    if calibration:
+        notes.insert(
+            0, "Probabilities among the candidates, before calibration; that of the verdict is calibrated."
+        )
     if inside is False:
         notes.insert(
             0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
@@ -171,12 +172,21 @@ def verdict_sentence(answer: dict[str, Any], *, translational: bool) -> str:
 def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
     candidates = answer.get("candidates") or []
     if answer["unknown_reason"] == "not-identifiable" and candidates:
+        places = {name.partition("@")[2] for names in candidates for name in names}
+        one_place = len(places) == 1  # said once, as the law alone is open
+        what = "something"
+        if one_place:
+            what += " " + called(f"@{places.pop()}", translational=translational)
         listed = "; or ".join(
-            " with ".join(called(name, translational=translational) for name in names) for names in candidates[:4]
+            " with ".join(
+                called(name.partition("@")[0] if one_place else name, translational=translational)
+                for name in names
+            )
+            for names in candidates[:4]
         )
         return (
-            f"The model leaves something out, but these recordings can't tell which of these it is: {listed} "
-            f"(together {sure})."
+            f"The model leaves out {what}, but these recordings can't tell which of these it is: {listed} "
+            f"(probability that it is one of them {sure}){_fit(answer, 'augmented_error', 'with the best of them')}."
         )
     return (
         "The recordings differ from the model by more than their noise, and no effect of the catalogue explains it "
@@ -198,7 +208,7 @@ def _beside(answer: dict[str, Any], translational: bool) -> str:
     return f" Beside it these recordings can't tell: {'; or '.join(listed[:4])}." if listed else ""
 
 
-def _fit(answer: dict[str, Any], key: str) -> str:
+def _fit(answer: dict[str, Any], key: str, what: str = "with it") -> str:
     held = answer["held_out"]
     if not held or held[key] is None:
         return ""
@@ -206,7 +216,7 @@ def _fit(answer: dict[str, Any], key: str) -> str:
     runs = f"the {count} held-out runs" if count > 1 else "the held-out run"
     if key == "base_error" or held["base_error"] is None:
         return f"; on {runs} the fit is {percent_fit(held[key])}"
-    return f"; with it in the model the fit on {runs} rises from {percent_fit(held['base_error'])} to {percent_fit(held[key])}"
+    return f"; {what} in the model the fit on {runs} rises from {percent_fit(held['base_error'])} to {percent_fit(held[key])}"
 
 
 def percent_fit(error: float) -> str:
@@ -216,10 +226,20 @@ def percent_fit(error: float) -> str:
     return f"{fit:.{digits}f} %"
 
 
-def next_step(answer: dict[str, Any]) -> str:
+def in_words(sentence: str, *, translational: bool) -> str:
+    """A sentence about ``effect@location`` names with the names in words."""
+
+    def word(found: re.Match[str]) -> str:
+        return called(found[0], translational=translational)
+
+    sentence = re.sub(r"tells (\S+@\S+) from nothing\b.*", r"tells whether there is \1", sentence)
+    return re.sub(r"[a-z-]+@[a-z]+", word, sentence).rstrip(".")
+
+
+def next_step(answer: dict[str, Any], *, translational: bool = False) -> str:
     """What to do now."""
     if answer["next_experiment"]:
-        return f"Record next: {answer['next_experiment']}"
+        return f"record {in_words(answer['next_experiment'], translational=translational)}."
     if answer["verdict"] == "none":
         return "Use the refitted parameters below. No further recording is needed for this question."
     if answer["verdict"] == "unknown":

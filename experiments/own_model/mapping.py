@@ -7,7 +7,9 @@ from pathlib import Path
 
 from jointscope.errors import InputError, RefusedError
 from jointscope.experiments.own_model.content import Content, read_content
-from jointscope.prediction.arm_map import JointMap, ModelMap, guess_map, read_map, suspect
+from jointscope.prediction.arm_comparison import suspect
+from jointscope.prediction.arm_guess import guess_map
+from jointscope.prediction.arm_map import JointMap, ModelMap, read_map
 from jointscope.recordings.campaign import Campaign
 from jointscope.sim.own_model import OwnJoint, load_own
 

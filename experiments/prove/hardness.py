@@ -17,13 +17,20 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jointscope.atomic import write_text
 from jointscope.experiments.prove.judging import BANDS
 from jointscope.progress import track
 from jointscope.sim.concealed import strength
-from jointscope.sim.concealed.draw import Bench, Order, Rival, decide, held_against, rival_laws
+from jointscope.sim.concealed.bench import Bench
+from jointscope.sim.concealed.concealment import Rival, held_against, rival_laws
+from jointscope.sim.concealed.draw import Order, decide
 from jointscope.sim.concealed.law import Effect
+from jointscope.sim.concealed.rival_fit import refitted
+from jointscope.sim.concealed.yardstick import Yardstick, yardstick
+
+Real = NDArray[np.float64]
 
 SHAPES: Final = ("frequency", "yield", "knee", "stribeck_velocity", "width", "damping")  # that a fit may change
 NEAR: Final = 1.5  # rivals whose projected distance is within this factor of the nearest one's are refitted
@@ -60,7 +67,7 @@ def check(order: Order, index: int) -> Check | None:
     if case.measured is None or not case.measured.nearest or not 4.0 <= case.measured.z_d <= 100.0:
         return None
     bench, effect = case.bench, case.effects[0]
-    yard = strength.yardstick(bench.rig, bench.plan, bench.noise)
+    yard = yardstick(bench.rig, bench.plan, bench.noise)
     sight = strength.look(yard, (effect,))
     r = strength.refitted_base(yard, sight)
     rivals = held_against(yard, bench, effect, r, np.random.default_rng([order.seed, index, 99]))
@@ -78,7 +85,7 @@ def check(order: Order, index: int) -> Check | None:
     )  # fmt: skip
 
 
-def _starts(yard: strength.Yardstick, bench: Bench, r: strength.Real, name: str, rival: Rival) -> list[Effect]:
+def _starts(yard: Yardstick, bench: Bench, r: Real, name: str, rival: Rival) -> list[Effect]:
     """The rival in each of its laws that this case admits, at about the size of ``r``."""
     others = [law for law in rival_laws(bench, name) if law != rival.effect.law]
     rng = np.random.default_rng(7)
@@ -96,7 +103,7 @@ def _shared(rival: Rival, strength_name: str) -> dict[str, float]:
     return shared
 
 
-def _matched(yard: strength.Yardstick, bench: Bench, r: strength.Real, rival: Effect) -> Effect:
+def _matched(yard: Yardstick, bench: Bench, r: Real, rival: Effect) -> Effect:
     low, high = sorted(rival.law.span(bench.setting))
     rival = rival.scaled(float(np.clip(rival.values.get(rival.law.strength, np.sqrt(low * high)), low, high)))
     d = strength.direction(yard, rival)
@@ -104,10 +111,10 @@ def _matched(yard: strength.Yardstick, bench: Bench, r: strength.Real, rival: Ef
     return rival.scaled(float(np.clip(share * rival.values[rival.law.strength], low, high)))
 
 
-def _refitted(yard: strength.Yardstick, bench: Bench, sight: strength.Sight, start: Effect) -> float:
+def _refitted(yard: Yardstick, bench: Bench, sight: strength.Sight, start: Effect) -> float:
     free = [name for name in SHAPES if name in start.values and name != start.law.strength]
     low, high = sorted(start.law.span(bench.setting))
-    return strength.refitted(yard, sight, start, free, (low / 3.0, 3.0 * high))
+    return refitted(yard, sight, start, free, (low / 3.0, 3.0 * high))
 
 
 def check_hardness(out: Path, *, cases: int, first_seed: int, workers: int) -> int:

@@ -38,7 +38,8 @@ from jointscope.progress import track
 from jointscope.recordings.campaign import Campaign, Run
 from jointscope.sim.concealed import catalogue as concealed
 from jointscope.sim.concealed import paperwork
-from jointscope.sim.concealed.draw import AMBIGUOUS, Bench, draw_bench
+from jointscope.sim.concealed.bench import Bench, draw_bench
+from jointscope.sim.concealed.concealment import AMBIGUOUS
 from jointscope.sim.concealed.law import Effect, log_between
 from jointscope.sim.concealed.measurement import noisy
 from jointscope.sim.concealed.rehearsal import clean_channels, declared

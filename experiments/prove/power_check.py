@@ -27,7 +27,7 @@ from jointscope.experiments.prove.next_experiment_check import answer, recorded,
 from jointscope.experiments.rehearsal.sizing import sized
 from jointscope.progress import track
 from jointscope.sim.concealed import catalogue as concealed
-from jointscope.sim.concealed.draw import draw_bench
+from jointscope.sim.concealed.bench import draw_bench
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from jointscope.experiments.charts.chart import Missing
 from jointscope.experiments.charts.files import columns, write_files
 from jointscope.experiments.diagnosis_report import figures, tables
 from jointscope.experiments.diagnosis_report.balance import Balance
-from jointscope.experiments.diagnosis_report.bars import error_bars, pairs
+from jointscope.experiments.diagnosis_report.bars import Pair, error_bars, pairs, worst_sentence
 from jointscope.experiments.diagnosis_report.drawing import joint_drawing, marks
 from jointscope.experiments.diagnosis_report.hits import Hit, usable_band
 from jointscope.experiments.diagnosis_report.levels import level_groups
@@ -104,12 +104,42 @@ def test_look_alikes_are_all_named():
     assert "backlash" in told and "hysteresis" in told and "can't tell" in told
 
 
+def test_look_alikes_of_one_place_have_it_said_once_and_what_they_gain():
+    """Where is known, which law is not: the sentence says both."""
+    told = verdict_sentence(
+        answer("unknown", candidates=[["coulomb-friction@load"], ["stribeck-friction@load"]]), translational=False
+    )
+    assert told.count("at the arm") == 1 and "leaves out something at the arm" in told
+    assert "from 60.0 % to 95.0 %" in told and "97 %" in told
+
+
+def test_where_the_model_is_farthest_above_the_noise_is_said():
+    found = (Pair("hammer, arm", 0.3, None, 0.25), Pair("sweep, motor", 2.3, None, 0.002))
+    assert "sweep, motor" in worst_sentence(found) and "230 %" in worst_sentence(found)
+    assert worst_sentence((Pair("hammer, arm", 0.3, None, math.nan),)) == ""
+
+
 def test_two_good_fits_stay_apart():
     assert percent_fit(0.0041) != percent_fit(0.0049)
 
 
 def test_a_proposed_recording_comes_first_among_the_next_steps():
     assert "slow ramp" in next_step(answer("unknown") | {"next_experiment": "a slow ramp"})
+
+
+@pytest.mark.parametrize(
+    ("tells", "words"),
+    [
+        (
+            "backlash@transmission from hysteresis@transmission",
+            "backlash (lost motion) in the reducer from hysteresis",
+        ),
+        ("gravity@load from nothing beside what the other candidates hold", "whether there is a gravity torque"),
+    ],
+)
+def test_what_a_recording_tells_is_in_words(tells, words):
+    told = next_step(answer("unknown") | {"next_experiment": f"a slow ramp: it tells {tells}"})
+    assert words in told and "@" not in told
 
 
 @pytest.mark.parametrize("location", sorted(PLACES))

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from jointscope.experiments.recovery import CASES, figures, run_chunk
+from jointscope.experiments.recovery import run_chunk
 from jointscope.experiments.recovery_bound import fisher_matrix
+from jointscope.experiments.recovery_cases import CASES
+from jointscope.experiments.recovery_report import figures
 from jointscope.experiments.recovery_truth import Bench, Pulse, acceleration, record
 
 BENCH, PULSE = Bench(), Pulse(peak=200.0, contact=7e-3, start=0.02)

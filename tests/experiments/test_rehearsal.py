@@ -18,7 +18,7 @@ from jointscope.experiments.rehearsal.page import text, write_page
 from jointscope.experiments.rehearsal.rehearse import NOTHING, Case, summarise
 from jointscope.experiments.rehearsal.sizing import sized
 from jointscope.sim.concealed import catalogue as concealed
-from jointscope.sim.concealed.draw import draw_bench
+from jointscope.sim.concealed.bench import draw_bench
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,9 @@ from jointscope.models.paper import paper_rig
 from jointscope.models.rig import rig_spec
 from jointscope.prediction.arm import held_as, predict_arm
 from jointscope.prediction.arm_campaign import mapped_base_model, predict_mapped
-from jointscope.prediction.arm_map import compare, guess_map, mapped_arm, read_map, suspect, write_map
+from jointscope.prediction.arm_comparison import compare, suspect
+from jointscope.prediction.arm_guess import guess_map, mapped_arm
+from jointscope.prediction.arm_map import read_map, write_map
 from jointscope.prediction.scores import band_score
 from jointscope.prediction.spectra import spectrum
 from jointscope.recordings.campaign import Campaign, Nameplate, Run

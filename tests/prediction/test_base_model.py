@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jointscope.errors import RefusedError
-from jointscope.identification.drive import Drive
+from jointscope.identification.drive_law import Drive
 from jointscope.identification.model_file import BaseModel, Term, joint_values
 from jointscope.models.joint import hammer_accelerance
 from jointscope.prediction.base_model import outputs_of, predict_run

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from jointscope.identification.drive import drive_from_json, identify_drive
+from jointscope.identification.drive import identify_drive
+from jointscope.identification.drive_law import drive_from_json
 from jointscope.models.parameters import Joint
 from jointscope.prediction.integrate import Loop, integrate
 from jointscope.prediction.plant import plant_of

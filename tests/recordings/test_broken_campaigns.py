@@ -59,6 +59,8 @@ TOML_BREAKS = {
     "ac without corner": ('role = "output"', 'role = "output", coupling = "ac"', ["low_cutoff", "missing"]),
     "scale beside a unit": ('unit = "N",', 'unit = "N", scale = 2.0,', ["scale", "2.0", "'1'"]),
     "brake and free": ("brake = true", 'brake = true\nhold = "free"', ["run[a].hold", "free", "brake"]),
+    "too large to be true": ("141.0", "1e300", ["rig.reduction_ratio", "1e+300", "1e-30 and 1e+30"]),
+    "too small to be true": ("141.0", "1e-320", ["rig.reduction_ratio", "1e-30 and 1e+30"]),
     "window outside": ("1024.0", "1024.0\nwindow = [0.0, 9.0]", ["window", "9.0", "0.125"]),
     "window backwards": ("1024.0", "1024.0\nwindow = [0.1, 0.0]", ["window", "[0.1, 0.0]"]),
     "too few samples": ("1024.0", "1024.0\nwindow = [0.0, 0.05]", ["a.csv", "51 samples", "64"]),
@@ -99,6 +101,10 @@ def rewrite(folder, edit):
 DATA_BREAKS = {
     "NaN": (lambda lines: lines.__setitem__(9, "nan,1.0"), ["a.csv", "force", "nan", "sample 8", "mask"]),
     "infinite": (lambda lines: lines.__setitem__(9, "1.0,inf"), ["a.csv", "acc", "inf", "sample 8"]),
+    "beyond any measurement": (
+        lambda lines: lines.__setitem__(9, "1.0,-1e300"),
+        ["a.csv", "acc", "sample 8", "1e+300", "unit or scale"],
+    ),
     "empty cell": (lambda lines: lines.__setitem__(9, ",1.0"), ["a.csv", "force", "sample 8", "mask"]),
     "text": (lambda lines: lines.__setitem__(9, "1.0,oops"), ["a.csv", "acc", "'oops'", "line 10"]),
     "short line": (lambda lines: lines.__setitem__(9, "1.0"), ["a.csv", "line 10", "1 cells"]),

@@ -79,9 +79,9 @@ def test_every_effect_has_a_textbook_law_and_most_a_departing_one_in_the_test():
 
 def test_what_the_test_draw_uses_is_not_used_by_the_open_modules():
     """The test's families live in modules that no open law's module imports."""
-    from jointscope.sim.concealed import departures_of_the_test, unlisted_of_the_test
+    from jointscope.sim.concealed import departures_of_the_test, equations_of_the_test, unlisted_of_the_test
 
-    hidden = {departures_of_the_test.__name__, unlisted_of_the_test.__name__}
+    hidden = {module.__name__ for module in (departures_of_the_test, equations_of_the_test, unlisted_of_the_test)}
     for law in (*catalogue.laws("development"), *catalogue.laws("development", unlisted=True)):
         for hook in (law.install, law.loop, law.chain, law.shape, law.span):
             assert getattr(hook, "__module__", "") not in hidden

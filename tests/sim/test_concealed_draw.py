@@ -11,7 +11,8 @@ import pytest
 from jointscope.cli import main
 from jointscope.recordings.reader import read_campaign
 from jointscope.sim.concealed import catalogue, draw, seal
-from jointscope.sim.concealed.draw import REDRAWN, Order, case_name, draw_bench, recorded
+from jointscope.sim.concealed.bench import draw_bench
+from jointscope.sim.concealed.draw import REDRAWN, Order, case_name, recorded
 from jointscope.sim.concealed.paperwork import npz_bytes
 from jointscope.sim.concealed.production import produce
 

@@ -249,7 +249,7 @@ def _identify(options: argparse.Namespace) -> int:
     from jointscope.models.arm.build import with_reducers, write_arm
     from jointscope.models.arm.linear import joint_values
     from jointscope.models.arm.reference import arm_reference
-    from jointscope.prediction.arm_map import guess_map, mapped_arm
+    from jointscope.prediction.arm_guess import guess_map, mapped_arm
     from jointscope.recordings.reader import read_campaign
 
     campaign = read_campaign(options.campaign)

@@ -36,7 +36,9 @@ def run(options: argparse.Namespace) -> int:
     import json
     from dataclasses import asdict, replace
 
-    from jointscope.prediction.arm_map import compare, guess_map, read_map, write_map
+    from jointscope.prediction.arm_comparison import compare
+    from jointscope.prediction.arm_guess import guess_map
+    from jointscope.prediction.arm_map import read_map, write_map
     from jointscope.recordings.reader import read_campaign
 
     campaign = read_campaign(options.campaign, missing_outputs="allow")

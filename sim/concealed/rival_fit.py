@@ -1,0 +1,136 @@
+"""How near a wrong name can come to a case: a look-alike's strength and shape fitted to it, the base linear or refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.sim.concealed.law import Effect
+from jointscope.sim.concealed.strength import Sight, direction
+from jointscope.sim.concealed.yardstick import Yardstick, changed, misfit_of, off, whiten
+
+Real = NDArray[np.float64]
+
+_ROUNDS: Final = 4
+
+
+def refitted(
+    yard: Yardstick, sight: Sight, rival: Effect, free: Sequence[str], limits: tuple[float, float], steps: int = 24
+) -> float:
+    """z_d by a full refit: how far ``rival``, with the base and its own parameters free, stays from the truth.
+
+    Levenberg-Marquardt on the whitened misfit with logarithms of the base's parameters, of the rival's strength and of
+    its ``free`` parameters as unknowns; hits' gain and timing projected out. Slopes by secants, kept up by Broyden's
+    update, taken anew where a step fails; it ends where fresh slopes don't gain a per cent either.
+
+    Args:
+        yard: Where.
+        sight: The truth.
+        rival: Where to start from.
+        free: Its parameters that may change beside its strength.
+        limits: Of the strength.
+        steps: Most trials.
+    """
+    names = list(yard.steps)
+    bounds = np.sort(np.log(np.array(limits) / rival.values[rival.law.strength]))
+
+    def left(x: Real) -> Real:
+        rig = changed(yard.rig, dict(zip(names, x[: len(names)], strict=True)))
+        values = dict(rival.values)
+        for name, shift in zip((rival.law.strength, *free), x[len(names) :], strict=True):
+            values[name] = values[name] * float(np.exp(shift))
+        try:
+            misfit = misfit_of(rig, yard.plan, yard.runs, sight.record, None, (Effect(rival.law, values),))
+        except FloatingPointError:
+            return np.full(yard.origin.size, np.inf)
+        return off(yard.scatter, whiten(misfit, yard.weights) - yard.origin)
+
+    x = np.zeros(len(names) + 1 + len(free))
+    shift = np.array([0.01] * len(names) + [0.1] + [0.03] * len(free))
+    r, damping, fresh = left(x), 1e-3, False
+    slopes = np.zeros((r.size, 0))
+    for _ in range(steps):
+        if not slopes.size:
+            slopes = np.column_stack(
+                [(left(x + h * e) - r) / h for h, e in zip(shift, np.eye(x.size), strict=True)]
+            )
+            fresh = True
+        before = float(np.linalg.norm(r))
+        trial = x + _damped(slopes, r, damping)
+        trial[len(names)] = np.clip(trial[len(names)], *bounds)
+        new = left(trial)
+        after = float(np.linalg.norm(new))
+        if np.isfinite(after) and np.any(trial != x):
+            move = trial - x
+            slopes = slopes + np.outer(new - r - slopes @ move, move) / float(move @ move)
+        if after < before:
+            x, r, damping = trial, new, damping / 5.0
+        else:
+            damping *= 10.0
+        if after > 0.99 * before:
+            if fresh and (after <= before or damping > 1e-2):
+                break
+            if not fresh:
+                slopes = np.zeros((r.size, 0))
+        else:
+            fresh = False
+    return float(np.linalg.norm(r))
+
+
+def _damped(slopes: Real, r: Real, damping: float) -> Real:
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
+    scaled = slopes / size
+    move = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(size.size), scaled.T @ r) / size
+    return np.asarray(np.clip(move, -1.0, 1.0))
+
+
+def nearest_form(
+    yard: Yardstick, r: Real, rival: Effect, first: Real, free: Sequence[str], limits: tuple[float, float]
+) -> tuple[Real, Effect]:
+    """The form of ``rival`` that comes nearest to ``r``: its strength and ``free`` parameters fitted, the base linear.
+
+    Starts at the strength that r has in proportion. Secants in the logarithms, kept up by Broyden's update; a step
+    that doesn't help is shortened once.
+
+    Args:
+        yard: Where.
+        r: What is to be come near to, shape (n,).
+        rival: Where to start from.
+        first: Its direction.
+        free: Parameters that may change beside the strength.
+        limits: Of the strength.
+
+    Returns:
+        Its direction, shape (n,), and the rival with those numbers.
+    """
+    names = (rival.law.strength, *free)
+    share = float(first @ r) / max(float(first @ first), 1e-300)
+    rival = rival.scaled(float(np.clip(share * rival.values[rival.law.strength], min(limits), max(limits))))
+    d = direction(yard, rival)
+    columns = [d]  # in proportion to the strength, to begin with
+    for name in free:
+        moved = direction(yard, Effect(rival.law, {**rival.values, name: rival.values[name] * 1.03}))
+        columns.append((moved - d) / 0.03)
+    slopes = np.column_stack(columns)
+    reach = 1.0
+    for _ in range(_ROUNDS):
+        before = float(np.linalg.norm(r - d))
+        step = reach * np.clip(np.linalg.lstsq(slopes, r - d, rcond=1e-6)[0], -1.0, 1.0)
+        predicted = float(np.linalg.norm(r - d - slopes @ step))
+        if predicted > 0.97 * before or not np.any(step):
+            break
+        values = dict(rival.values)
+        for name, shift in zip(names, step, strict=True):
+            values[name] = values[name] * float(np.exp(shift))
+        trial = direction(yard, Effect(rival.law, values))
+        if not np.any(trial):
+            break
+        slopes = slopes + np.outer(trial - d - slopes @ step, step) / float(step @ step)
+        if float(np.linalg.norm(r - trial)) < before:
+            rival, d, reach = Effect(rival.law, values), trial, 1.0
+        else:
+            reach *= 0.3
+    return d, rival

@@ -1,0 +1,205 @@
+"""The space in which concealed cases are measured: whitened misfits of a few runs, and what a fit can absorb of them.
+
+Hits are driven by the measured force; driven runs by the logged torque, the model tied loosely to the logged motor
+angle, so that nothing is assumed of the drive. Runs of each experiment are represented by some of them, their weights
+raised to stand for all. The engine steps twice as far here as for the recordings (both sides of every difference alike).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.models.joint import load_acceleration_per_torque, motor_acceleration_per_torque
+from jointscope.models.parameters import Joint, Rig
+from jointscope.sim.concealed.law import Effect
+from jointscope.sim.concealed.measurement import Noise, noise_spectrum
+from jointscope.sim.concealed.rehearsal import TIE, Plan, clean_channels, declared, rehearse, replayed
+
+Real = NDArray[np.float64]
+Record = list[dict[str, Real]]
+
+STEP: Final = 2e-4  # s, of the engine
+FREE = ("stiffness", "damping", "load_inertia", "motor_damping", "load_damping")
+SHIFT = 0.02  # of a parameter's logarithm, for its secant
+
+
+@dataclass(frozen=True, eq=False)
+class Yardstick:
+    """The space in which cases of one plan are measured.
+
+    Attributes:
+        plan: The case's, at this module's own timestep.
+        runs: Which runs stand for all.
+        base: Clean channels without any effect.
+        origin: Whitened misfit of the base on its own recordings (interpolation only).
+        columns: What each free parameter's step takes away, shape (n, k).
+        tangents: Orthonormal basis of all that is absorbed, shape (n, m).
+        scatter: The part of it that isn't the base's parameters, shape (n, m - k).
+    """
+
+    rig: Rig
+    plan: Plan
+    runs: tuple[int, ...]
+    base: Record = field(repr=False)
+    weights: Sequence[Mapping[str, Real]] = field(repr=False)
+    origin: Real = field(repr=False)
+    columns: Real = field(repr=False)
+    steps: Mapping[str, float] = field(repr=False)
+    tangents: Real = field(repr=False)
+    scatter: Real = field(repr=False)
+
+
+def changed(rig: Rig, changes: Mapping[str, float]) -> Rig:
+    """The rig with joint parameters multiplied by exp(change)."""
+    joint: Joint = rig.joint
+    values = {name: getattr(joint, name) * float(np.exp(change)) for name, change in changes.items()}
+    if "load_inertia" in values:  # the arm's mass and its place are known, so this much inertia is there
+        values["load_inertia"] = max(values["load_inertia"], 1.02 * rig.arm_mass * rig.arm_com_radius**2)
+    return replace(rig, joint=replace(joint, **values))
+
+
+def representatives(plan: Plan) -> tuple[int, ...]:
+    """Three hits over the levels, a sweep and a motion at the largest level and one more of what is alone."""
+    chosen: list[int] = []
+    kinds = {take.kind for take in plan.takes}
+    motions = 1 if len(kinds) > 2 else 2
+    for kind, count in (("hammer", 3), ("torque-sweep", 2), ("speed-motion", motions)):
+        of_kind = [i for i, take in enumerate(plan.takes) if take.kind == kind]
+        by_size = sorted(
+            of_kind, key=lambda i: plan.takes[i].force + plan.takes[i].amplitude + plan.takes[i].travel
+        )
+        places = np.unique(np.linspace(len(by_size) - 1, 0, min(count, len(by_size))).round().astype(int))
+        chosen += [by_size[i] for i in places]
+    return tuple(sorted(chosen))
+
+
+def _weights(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> list[dict[str, Real]]:
+    """By run and output channel, the factor per bin that makes noise white, shape (n // 2 + 1,).
+
+    In driven runs the noise of the torque log counts too: it drives the model. Each run counts for its share of the
+    case's runs of that experiment.
+    """
+    out = []
+    kinds = [take.kind for take in plan.takes]
+    for run, channels in zip(runs, base, strict=True):
+        stands_for = kinds.count(kinds[run]) / sum(kinds[other] == kinds[run] for other in runs)
+        shown = declared(channels, plan.devices)
+        weights: dict[str, Real] = {}
+        for name in ("acceleration", "arm", "motor"):
+            if name not in shown or (name == "motor" and plan.takes[run].braked):
+                continue
+            y = shown[name]
+            rate = plan.devices.log_rate if name == "motor" else plan.devices.daq_rate
+            power = noise_spectrum(name, float(np.std(y)), y.size, rate, plan.devices, noise)
+            if not plan.takes[run].braked:
+                power = power + noise.torque**2 * _torque_to(name, rig, plan, power.size, y.size / rate)
+            bins = np.arange(power.size)
+            two_sided = np.where((bins == 0) | (2 * bins == y.size), 1.0, 2.0)
+            weights[name] = np.where(
+                bins / y.size <= 0.40, np.sqrt(stands_for * two_sided / (power * y.size)), 0.0
+            )
+        out.append(weights)
+    return out
+
+
+def _torque_to(name: str, rig: Rig, plan: Plan, bins: int, duration: float) -> Real:
+    """|channel over motor torque|^2 of the tied rig per bin, at the sampling rates' ratio, shape (bins,)."""
+    joint = rig.joint
+    s = np.asarray(2j * np.pi * np.arange(1, bins) / duration, dtype=np.complex128)
+    w = 2.0 * np.pi * TIE
+    tied = s**2 / (s**2 + 1.4 * w * s + w**2)
+    ratio = joint.efficiency * joint.reduction_ratio
+    if name == "motor":
+        response = joint.reduction_ratio * ratio * motor_acceleration_per_torque(joint, s) / s**2
+    else:
+        response = ratio * load_acceleration_per_torque(joint, s)
+        response = response * rig.accelerometer_radius if name == "acceleration" else response / s**2
+    squared = np.abs(response * tied) ** 2
+    rate = plan.devices.log_rate if name == "motor" else plan.devices.daq_rate
+    inside = np.arange(1, bins) / duration < 0.45 * plan.devices.log_rate
+    squared = np.where(inside, squared, 0.0) * rate / plan.devices.log_rate
+    return np.concatenate([squared[:1], squared])  # a constant torque is caught by the tie, as the slowest bin is
+
+
+def whiten(misfits: Record, weights: Sequence[Mapping[str, Real]]) -> Real:
+    """Weighted spectra of all runs and channels, real and imaginary parts one after the other, shape (n,)."""
+    parts: list[Real] = []
+    for channels, weight in zip(misfits, weights, strict=True):
+        for name, w in weight.items():
+            spectrum = np.fft.rfft(channels[name]) * w
+            parts += [spectrum.real, spectrum.imag]
+    return np.concatenate(parts)
+
+
+def misfit_of(
+    rig: Rig, plan: Plan, runs: Sequence[int], record: Record, base: Record | None, effects: Sequence[Effect] = ()
+) -> Record:
+    """What ``rig``, with ``effects``, leaves of the recordings' outputs, given their inputs; ``base``: its hits, if known."""
+    out: Record = []
+    for place, run in enumerate(runs):
+        if not plan.takes[run].braked:
+            model = replayed(rig, plan, run, record[place], effects)
+        elif base is not None:
+            model = base[place]
+        else:
+            model = clean_channels(rig, plan, run, effects)
+        compared = [name for name in ("acceleration", "arm", "motor") if name in model]
+        out.append({name: record[place][name] - model[name] for name in compared})
+    return out
+
+
+def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
+    """Simulate the base and what it can absorb."""
+    plan = replace(plan, timestep=STEP)
+    runs = representatives(plan)
+    base = rehearse(rig, plan, (), runs)
+    weights = _weights(rig, plan, noise, runs, base)
+    origin = whiten(misfit_of(rig, plan, runs, base, base), weights)
+    braked_only = all(plan.takes[i].braked for i in runs)
+    columns: list[Real] = []
+    steps: dict[str, float] = {}
+    for name in FREE:
+        if (braked_only and name in ("motor_damping", "load_damping")) or getattr(rig.joint, name) <= 0.0:
+            continue
+        misfit = misfit_of(changed(rig, {name: SHIFT}), plan, runs, base, None)
+        columns.append(origin - whiten(misfit, weights))
+        steps[name] = SHIFT
+    matrix = np.column_stack(columns)
+    nuisance = _scatter(plan, runs, base, weights)
+    return Yardstick(
+        rig=rig, plan=plan, runs=runs, base=base, weights=weights, origin=origin,
+        columns=matrix, steps=steps, tangents=orthonormal(np.column_stack([matrix, *nuisance])),
+        scatter=orthonormal(np.column_stack(nuisance)) if nuisance else np.zeros((origin.size, 0)),
+    )  # fmt: skip
+
+
+def _scatter(plan: Plan, runs: Sequence[int], base: Record, weights: Sequence[Mapping[str, Real]]) -> list[Real]:
+    """Each hit's gain and timing, as directions that are free (their scatter is far above what a hit resolves)."""
+    out: list[Real] = []
+    for place, run in enumerate(runs):
+        if plan.takes[run].kind != "hammer":
+            continue
+        for derivative in (False, True):
+            record = [{name: np.zeros_like(y) for name, y in channels.items()} for channels in base]
+            for name in [name for name in ("acceleration", "arm") if name in base[place]]:
+                y = base[place][name] - base[place][name][0]
+                record[place][name] = np.gradient(y) * plan.devices.daq_rate * 1e-4 if derivative else 0.01 * y
+            out.append(whiten(record, weights))
+    return out
+
+
+def orthonormal(columns: Real) -> Real:
+    """An orthonormal basis (n, k) of what the columns (n, m) span."""
+    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    left, size, _ = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(left[:, size > 1e-6 * size[0]])
+
+
+def off(basis: Real, vector: Real) -> Real:
+    """``vector`` (n,) or (n, m) less its projection on the orthonormal ``basis`` (n, k)."""
+    return np.asarray(vector - basis @ (basis.T @ vector))
