@@ -30,7 +30,10 @@ def test_what_gains_carries_over_and_matters_stands():
         {"gain": 0.9 * REAL, "held_gain": 0.9 * REAL, "foretold_held": 10.0, "expected_held": 10.0},
         {"held_gain": 1.0},
         {"held_gain": 20.0},  # a true child would have gained 85
-        {"expected_held": 2000.0, "foretold_held": 120.0},  # the fitted runs gained twenty-five times as much, sample for sample
+        {
+            "expected_held": 2000.0,
+            "foretold_held": 120.0,
+        },  # the fitted runs gained twenty-five times as much, sample for sample
         {"lost": 60.0},
         {"material": 1e-4},
     ],
