@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
@@ -94,12 +94,10 @@ def diagnose(
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None
     if (decision.verdict == "none" or decision.unknown_reason == "outside-catalogue") and black_box is not None:
         decision = with_unknown_force(judgement, decision, black_box)
+    whole = Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box, remainder=left)
+    whole = handed_on(whole, free_prediction)
     report("weighing what to record next")
-    suggestion = suggest(problem, judgement, decision, pool)
+    suggestion = suggest(problem, judgement, whole.decision, pool)
     report("weighing what could not have been seen")
-    found = decision.chosen if decision.verdict == "effects" else judgement.base
-    missed = unseen(problem, judgement, found, specs, pool)
-    whole = Diagnosis(
-        problem, split, stage, screening, judgement, decision, where, black_box, suggestion, missed, left
-    )
-    return handed_on(whole, free_prediction)
+    found = whole.decision.chosen if whole.decision.verdict == "effects" else judgement.base
+    return replace(whole, suggestion=suggestion, not_seen=unseen(problem, judgement, found, specs, pool))
