@@ -7,6 +7,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor
 
 from jointscope import __version__
 from jointscope.commands import COMMANDS, MODULES
@@ -84,6 +85,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as problem:
         said = " ".join(str(problem).split())
         print(f"jointscope {name}: out of memory{f': {said}' if said else ''}", file=sys.stderr)
+        return 2
+    except BrokenExecutor:
+        said = "a worker process was killed, by the system for its memory perhaps; finished work is kept"
+        print(f"jointscope {name}: {said}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"jointscope {name}: interrupted; finished work is kept", file=sys.stderr)

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import multiprocessing
 import os
 import pickle
 import resource
@@ -9,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -236,6 +238,18 @@ def test_a_killed_worker_of_a_study_is_a_line_and_a_second_try_finishes(bench, t
     monkeypatch.setattr(evaluate, "evaluate_block", whole)
     words[words.index("2")] = "1"
     assert main(words) == 0
+
+
+def test_a_killed_worker_of_any_pool_is_a_line(bench, capsys, monkeypatch):
+    """Also where a command has no word of its own for it."""
+
+    def run(options):
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+            return pool.submit(os._exit, 9).result()
+
+    monkeypatch.setattr("jointscope.commands.inspect.run", run)
+    assert main(["inspect", str(bench / "campaign")]) == 2
+    assert "killed" in one_line(capsys.readouterr(), "inspect")
 
 
 def test_a_case_that_can_not_be_made_is_a_line(bench, tmp_path, capsys, monkeypatch):
