@@ -27,7 +27,7 @@ class Drive:
         device: Stream it comes from.
         factor: What one unit of the channel (SI) is at the joint output.
         calibrated: Whether the value is in SI.
-        samples: As recorded, times ``factor``, shape (n,).
+        samples: What the log most likely stands for (``input_estimate``), times ``factor``, shape (n,).
         noise: Standard deviation of the white noise that was in it [as ``samples``].
     """
 
