@@ -132,7 +132,7 @@ class Comparison:
 
     @property
     def real(self) -> bool:
-        """Beyond chance on the fitted runs."""
+        """Beyond chance on the fitted runs, or half so on them where the held-out ones are by themselves."""
         needed = REAL if self.parents == 0 else max(REAL_FURTHER, OF_PARENT * self.parent_gain)
         return self.gain > needed or (self.gain > UNASKED * needed and self.held_gain > needed)
 

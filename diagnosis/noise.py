@@ -109,7 +109,12 @@ def model_floor(output: Output) -> float:
     """How closely the output is modelled at best [-], of its dynamic level."""
     if output.quantity not in ANGULAR:
         return RELATIVE_FLOOR
-    return RIGID_FLOOR if output.followed_to > 2.0 * OBSERVER_HZ else ANGULAR_FLOOR
+    return ANGULAR_FLOOR if _slowly_followed(output) else RIGID_FLOOR
+
+
+def _slowly_followed(output: Output) -> bool:
+    """Whether it is an angle whose slow part alone an observer follows: an elastic joint's, not a free inertia's."""
+    return output.quantity in ANGULAR and output.followed_to <= 2.0 * OBSERVER_HZ
 
 
 def envelope(output: Output) -> Vector:
@@ -197,9 +202,9 @@ def block_noise(
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
-    observed = outputs[0].quantity in ANGULAR and outputs[0].followed_to <= 2.0 * OBSERVER_HZ
+    coloured = _slowly_followed(outputs[0])
     least, own = model_floor(outputs[0]), max(quantum / np.sqrt(12.0), 1e-300)
-    floor = max((EXACT if observed else least) * level, own)
+    floor = max((EXACT if coloured else least) * level, own)
     segments, envelopes = [], []
     for output, residual in zip(outputs, residuals, strict=True):
         env = envelope(output)
@@ -210,25 +215,19 @@ def block_noise(
         return BlockNoise(np.array([1.0]), floor, floor, 0.0)
     marginal, kappa = _relative_error(segments, envelopes, floor)
     scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
-    like_signal: list[Vector] = []
-    if observed:  # what no model is closer to has the colour of what the angle does
-        for o in outputs:
-            part = least * dynamic_part(o)
-            like_signal.append(part / np.sqrt(1.0 + np.square(kappa * dynamic_level(o) / marginal)))
+    signal: list[Vector] = []  # what no model is closer to, in the colour of what the angle does
+    if coloured:
+        shrunk = [least / np.sqrt(1.0 + np.square(kappa * dynamic_level(o) / marginal)) for o in outputs]
+        signal = [f * dynamic_part(o) for f, o in zip(shrunk, outputs, strict=True)]
     samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
     if pole is not None and share_of_input > NO_MATTER:
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:
-        quiet, like = (
-            (scaled, like_signal)
-            if candidate is None
-            else (_through(candidate, scaled), _through(candidate, like_signal))
-        )
-        covariance = autocovariance(quiet, max_order)
-        if like:
-            covariance = covariance + autocovariance(like, max_order)
+        covariance = autocovariance(_through(candidate, scaled), max_order)
+        if signal:
+            covariance = covariance + autocovariance(_through(candidate, signal), max_order)
         ar, sigma, whole = fit_ar(covariance, samples, floor, max_order)
         cost = samples * np.log(sigma**2) + len(ar) * np.log(samples)
         if best is None or cost < best[0] - RINGS * samples:
@@ -238,8 +237,8 @@ def block_noise(
     return best[1]
 
 
-def _through(candidate: Ringing, segments: Sequence[Vector]) -> list[Vector]:
-    return [candidate(s) for s in segments]
+def _through(candidate: Ringing | None, segments: list[Vector]) -> list[Vector]:
+    return segments if candidate is None else [candidate(s) for s in segments]
 
 
 def quantum(output: Output) -> float:

@@ -14,13 +14,14 @@ amplitude, and 4 c_q w_0 A^2 / (3 pi J) to quadratic drag; the resonance is not 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
+    Limits,
     Location,
     ParameterSpec,
     Possible,
@@ -81,25 +82,16 @@ def _top_speed(problem: Problem, location: str) -> float:
     return max(s.motor_speed if location == "motor" else s.speed, 1e-6)
 
 
-def _rounded_spec(location: Location) -> EffectSpec:
-    return EffectSpec(
-        name="coulomb-friction",
-        location=location,
-        variant="rounded",
-        family="dissipative",
-        parameters=(_TORQUE, ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)),
-        law="T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
-        revealed_by=("hammer", "speed-motion", "torque-sweep"),
-        look_alikes=_ALIKE,
-        apply=_rounded(location),
-        scale=_sizes(location),
-        starts=lambda problem: tuple((share * _top_speed(problem, location),) for share in (0.02, 0.1)),
-        possible=_possible(location),
-        limits=lambda problem: {
-            **_torque_limits(problem),
-            "rounding": (2e-3 * _top_speed(problem, location), 0.5 * _top_speed(problem, location)),
-        },
-    )
+def _roundings(location: str) -> Starts:
+    return lambda problem: tuple((share * _top_speed(problem, location),) for share in (0.02, 0.1))
+
+
+def _rounding_limits(location: str) -> Limits:
+    def limits(problem: Problem) -> dict[str, tuple[float, float]]:
+        top = _top_speed(problem, location)
+        return {**_torque_limits(problem), "rounding": (2e-3 * top, 0.5 * top)}
+
+    return limits
 
 
 def _presliding(location: str) -> Apply:
@@ -171,10 +163,8 @@ def _both(first: Possible, further: Possible | None) -> Possible:
 
 def _speeds(location: str) -> Starts:
     def starts(problem: Problem) -> tuple[Values, ...]:
-        s = problem.scales
-        top = s.motor_speed if location == "motor" else s.speed
-        torque = _sizes(location)(problem)[1]
-        return tuple((1.4 * torque, share * max(top, 1e-6)) for share in (0.01, 0.04, 0.15))
+        torque, top = _sizes(location)(problem)[1], _top_speed(problem, location)
+        return tuple((1.4 * torque, share * top) for share in (0.01, 0.04, 0.15))
 
     return starts
 
@@ -207,6 +197,8 @@ _VISCOUS = ParameterSpec("viscous_asymmetry", "1", -0.9, 0.9)
 _LAWS = {
     "plain": "T sgn(w) against the motion, sticking below T",
     "asymmetric": "T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
+    "rounded": "T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
+    "presliding": "dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
     "one-sided": "T sgn(w) against the motion, sticking below T, with viscous damping b (1 +- viscous_asymmetry)",
 }
 _ALIKE = ("stribeck-friction", "load-dependent-friction", "hysteresis", "backlash")
@@ -253,21 +245,28 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
     )
 
 
-def _presliding_spec(location: Location) -> EffectSpec:
+def _shaped_spec(location: Location, variant: Literal["rounded", "presliding"]) -> EffectSpec:
+    """Coulomb's force with a shape about standstill: rounded over a speed, or built up elastically over an angle."""
+    rounded = variant == "rounded"
+    shape = (
+        ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
+        if rounded
+        else ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)
+    )
     return EffectSpec(
         name="coulomb-friction",
         location=location,
-        variant="presliding",
+        variant=variant,
         family="dissipative",
-        parameters=(_TORQUE, ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)),
-        law="dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
-        revealed_by=("speed-motion", "torque-sweep"),
+        parameters=(_TORQUE, shape),
+        law=_LAWS[variant],
+        revealed_by=("hammer", "speed-motion", "torque-sweep") if rounded else ("speed-motion", "torque-sweep"),
         look_alikes=_ALIKE,
-        apply=_presliding(location),
+        apply=_rounded(location) if rounded else _presliding(location),
         scale=_sizes(location),
-        starts=_presliding_angles,
-        possible=_elastic_and_moving,
-        limits=_presliding_limits,
+        starts=_roundings(location) if rounded else _presliding_angles,
+        possible=_possible(location) if rounded else _elastic_and_moving,
+        limits=_rounding_limits(location) if rounded else _presliding_limits,
     )
 
 
@@ -305,10 +304,10 @@ def _share_sizes(problem: Problem) -> tuple[float, float, float]:
 SPECS: tuple[EffectSpec, ...] = (
     *_coulomb_specs("motor"),
     *_coulomb_specs("load"),
-    _rounded_spec("motor"),
-    _rounded_spec("load"),
-    _presliding_spec("motor"),
-    _presliding_spec("load"),
+    _shaped_spec("motor", "rounded"),
+    _shaped_spec("load", "rounded"),
+    _shaped_spec("motor", "presliding"),
+    _shaped_spec("load", "presliding"),
     *_stribeck_specs("motor"),
     *_stribeck_specs("load"),
     *(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,42 +15,8 @@ from jointscope.diagnosis.effects.transmission import branches
 from jointscope.diagnosis.kernel.compiled import SOURCES, digest
 from jointscope.diagnosis.kernel.scalar_steps import simulate_plain
 
-KW = dict(J_M=9.1, J_L=3.0, K=1.9e5, C=0.0)
-W0 = math.sqrt(KW["K"] / KW["J_L"])
-
-
-def packed(**numbers):
-    P, S = np.zeros(k.N_P), np.zeros(k.N_S, dtype=np.int64)
-    defaults = dict(HYST_ANGLE=1.0, FM_SPEED=1.0, FL_SPEED=1.0, FM_EXPONENT=2.0, FL_EXPONENT=2.0, STOP_EXPONENT=1.0,
-                    STOP_SIDE=1.0, LOOP_LIMIT=1e300)  # fmt: skip
-    S[[k.AT_LINK, k.AT_NEAR, k.AT_BASE, k.AT_BRANCH, k.AT_LOOP]] = -1
-    S[k.N_X], S[k.MOTOR] = 4, k.MOTOR_HELD
-    for name, value in {**defaults, **KW, **numbers}.items():
-        if hasattr(k, name) and name in ("MOTOR", "HYST_KIND", "FRICTION_M", "FRICTION_L", "N_TE", "N_RIPPLE",
-                                         "LOAD_PRESCRIBED", "N_BRANCH"):  # fmt: skip
-            S[getattr(k, name)] = value
-        else:
-            P[getattr(k, name)] = value
-    return P, S
-
-
-def modes(S, *switches):
-    for switch in switches:
-        S[switch] = S[k.N_X]
-        S[k.N_X] += 2
-    return S
-
-
-def run(P, S, *, x=(0.0, 0.0, 0.0, 0.0), um=None, ul=None, duration=1.0, rate=4096.0, y=None, w=None):
-    n = round(duration * rate)
-    t = np.arange(2 * n + 1) / (2 * rate)
-    zero = np.zeros(t.size)
-    arrays = [zero if u is None else np.asarray(u(t), dtype=float) for u in (um, ul, y, w)]
-    state = np.zeros(int(S[k.N_X]))
-    state[: len(x)] = x
-    out = np.zeros((n + 1, k.N_OUT))
-    k.simulate(state, P, S, arrays[0], arrays[1], arrays[2], arrays[3], 0.0, 1.0 / rate, out)
-    return t[::2], out
+sys.path.insert(0, str(Path(__file__).parent))
+from packed_joint import KW, W0, modes, packed, run  # type: ignore[import-not-found]
 
 
 def peaks(t, q):
@@ -288,79 +255,6 @@ def test_rate_independent_structural_law_loses_the_same_share_at_any_amplitude()
         times, heights = peaks(t, out[:, k.X_Q])
         zeta = -np.polyfit(times, np.log(heights), 1)[0] / W0
         assert zeta == pytest.approx(0.02, rel=0.03)
-
-
-def eigenfrequencies(M, Kmat):
-    return np.sort(np.sqrt(np.real(np.linalg.eigvals(np.linalg.solve(M, Kmat))))) / 2 / math.pi
-
-
-def spectrum_peaks(t, x):
-    n = 8 * x.size
-    A = np.abs(np.fft.rfft((x - x.mean()) * np.hanning(x.size), n))
-    f = np.fft.rfftfreq(n, t[1] - t[0])
-    i = np.flatnonzero((A[1:-1] > A[:-2]) & (A[1:-1] > A[2:])) + 1
-    return np.sort(f[i[np.argsort(A[i])[-2:]]])
-
-
-@pytest.mark.parametrize("switch", ["link", "near", "base"])
-def test_further_modes_stand_at_the_eigenfrequencies(switch):
-    w = 2 * math.pi * 95.0
-    K, J = KW["K"], KW["J_L"]
-    if switch == "base":
-        P, S = packed(BASE_SHARE=0.3, BASE_OMEGA=w, BASE_ZETA=0.0)
-        modes(S, k.AT_BASE)
-        J_B = J / 0.3  # beta'' J_B = K q - J_B w^2 beta ; J (q'' + beta'') = -K q
-        expected = eigenfrequencies(np.array([[J, J], [0.0, J_B]]), np.array([[K, 0.0], [-K, J_B * w * w]]))
-    else:
-        J_b = 0.4
-        names = dict(LINK_J=J_b, LINK_OMEGA=w) if switch == "link" else dict(NEAR_J=J_b, NEAR_OMEGA=w)
-        P, S = packed(**names)
-        modes(S, k.AT_LINK if switch == "link" else k.AT_NEAR)
-        expected = eigenfrequencies(np.array([[J, J_b], [J_b, J_b]]), np.array([[K, 0.0], [0.0, J_b * w * w]]))
-    t, out = run(P, S, ul=lambda t: 300.0 * np.exp(-(((t - 0.02) / 0.001) ** 2)), duration=4.0)
-    tail = t > 0.1
-    np.testing.assert_allclose(spectrum_peaks(t[tail], out[tail, k.X_A]), expected, rtol=3e-3)
-
-
-@pytest.mark.parametrize(("offset", "radius"), [(math.inf, 0.9), (0.35, 0.9), (0.35, 0.5), (0.0, 0.7)])
-def test_what_carries_the_joint_is_the_two_body_problem_in_space(offset, radius):
-    """Mount that slides (offset infinite) or turns about a parallel axis, against the bodies' own equations of motion.
-
-    Arm of mass m, centre l, J_L about the joint; the joint moves by y = x (slides) or y = d n, the arm also turns by n.
-    """
-    K, J, mass, com, arm = KW["K"], KW["J_L"], 5.0, 0.4, 30.0
-    slides = math.isinf(offset)
-    turn, shift = (
-        (0.0, 1.0) if slides else (1.0, offset)
-    )  # per coordinate: rotation of the arm, motion of the joint
-    coupling = J * turn + mass * com * shift
-    own = arm + J * turn**2 + 2.0 * mass * com * shift * turn + mass * shift**2
-    M = np.array([[J, coupling], [coupling, own]])
-    k_n = own * (2.0 * math.pi * 31.0) ** 2
-    a, b = (0.0, J / (mass * com)) if slides else (J / coupling, J * shift / coupling)
-    assert turn == pytest.approx(a * coupling / J) and shift == pytest.approx(b * coupling / J)
-    rest = own * (J / coupling) ** 2 - J  # J_n of the mode in units of the arm's angle
-    P, S = packed(
-        BASE_SHARE=J / rest, BASE_OMEGA=math.sqrt(k_n * (J / coupling) ** 2 / rest), BASE_HIT=a + b / radius - 1.0
-    )
-    modes(S, k.AT_BASE)
-
-    def hit(t):
-        return 200.0 * np.exp(-(((np.asarray(t) - 0.02) / 0.002) ** 2))
-
-    t, out = run(P, S, ul=lambda t: radius * hit(t), duration=0.3, rate=8192.0)
-    ours = radius * (out[:, k.X_A] + (a + b / radius - 1.0) * out[:, k.X_MOUNT])
-    lever = np.array([radius, radius * turn + shift])
-    stiff = np.diag([K, k_n])
-
-    def f(time, x):
-        return np.concatenate([x[2:], np.linalg.solve(M, lever * hit(time) - stiff @ x[:2])])
-
-    found = solve_ivp(
-        f, (0.0, float(t[-1])), np.zeros(4), method="DOP853", rtol=1e-9, atol=1e-13, t_eval=t, max_step=1e-3
-    ).y
-    theirs = np.array([lever @ f(time, x)[2:] for time, x in zip(t, found.T, strict=True)])
-    np.testing.assert_allclose(ours, theirs, atol=2e-3 * np.max(np.abs(theirs)))
 
 
 def test_kinematic_error_cancels_in_the_momentum_balance_and_ripple_does_not():
