@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 
@@ -57,6 +57,8 @@ def driven_torque(assembly: Assembly) -> Vector:
         torque = run.motor_half
     for time_constant in chain.lags:
         torque = lagged(torque, time_constant, 2.0 * run.grid_rate)
+    if chain.loop > 0.0:
+        torque = looped(torque, chain.loop, 2.0 * run.grid_rate)
     factor = assembly.base("efficiency") * assembly.base("torque_scale") * chain.torque_gain
     offset = assembly.base("torque_offset")
     if offset != 0.0:
@@ -71,6 +73,16 @@ def lagged(u: Vector, time_constant: float, rate: float) -> Vector:
     b1 = 1.0 - r * (1.0 - decay)
     b0 = 1.0 - decay - b1
     return np.asarray(u[0] + lfilter([b1, b0], [1.0, -decay], u - u[0]), dtype=np.float64)
+
+
+def looped(u: Vector, time_constant: float, rate: float) -> Vector:
+    """1/(1 + s t + (s t)^2/2), exact for an input that is linear between samples; settled at the first; shape of ``u``.
+
+    The closed current loop after Kessler's magnitude optimum, t twice the sum of its small delays.
+    """
+    system = ([2.0 / time_constant**2], [1.0, 2.0 / time_constant, 2.0 / time_constant**2])
+    b, a, _ = cont2discrete(system, 1.0 / rate, method="foh")
+    return np.asarray(u[0] + lfilter(b.ravel(), a.ravel(), u - u[0]), dtype=np.float64)
 
 
 def relogged(samples: Vector, rate: float, log_rate: float, kind: str) -> Vector:

@@ -61,6 +61,7 @@ class Chain:
         force_gain: The same of the hammer's force [-].
         torque_gain: True over stated torque constant or efficiency [-].
         lags: Time constants of the stages through which the torque follows the logged one [s].
+        loop: Time constant of a current loop tuned to the magnitude optimum [s], 0 without.
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
         log_kind: ``"held"``, ``"averaged"`` or ``"aliased"``.
         vibration: Frequency [Hz] and amplitude [N m] of an outside disturbance.
@@ -78,6 +79,7 @@ class Chain:
     force_gain: float = 1.0
     torque_gain: float = 1.0
     lags: tuple[float, ...] = ()
+    loop: float = 0.0
     log_rate: float = math.inf
     log_kind: str = "averaged"
     vibration: tuple[float, float] = (1.0, 0.0)

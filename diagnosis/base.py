@@ -42,8 +42,14 @@ class Stage:
     predictions: Predictions
 
 
+EDGE = 0.01  # of the longest travel
+
+
 def representative(problem: Problem, positions: tuple[int, ...], hits: int, others: int) -> tuple[int, ...]:
-    """Positions that span the levels: at most ``hits`` of the hammer and ``others`` of any other experiment."""
+    """Positions that span the levels: at most ``hits`` of the hammer and ``others`` of any other experiment.
+
+    The runs that reach farthest to either side are added where the chosen ones stay short of them: a stop is met there.
+    """
     strata: dict[tuple[str, bool], list[int]] = {}
     for i in content_order(problem.runs):
         if i in positions:
@@ -55,7 +61,34 @@ def representative(problem: Problem, positions: tuple[int, ...], hits: int, othe
         count = min(hits if experiment == "hammer" else others, len(members))
         spread = np.linspace(0, len(members) - 1, count) if count > 1 else [0.5 * (len(members) - 1)]
         chosen.extend(members[round(j)] for j in spread)
+    chosen.extend(_farthest(problem, positions, chosen))
     return tuple(i for i in positions if i in chosen)
+
+
+def _farthest(problem: Problem, positions: tuple[int, ...], chosen: list[int]) -> list[int]:
+    reach: dict[int, tuple[float, float]] = {}
+    for i in content_order(problem.runs):
+        ends = _reach(problem.runs[i]) if i in positions else None
+        if ends is not None:
+            reach[i] = ends
+    if not reach:
+        return []
+    short = EDGE * max(high - low for low, high in reach.values())
+    added = []
+    for side in (0, 1):
+        sign = -1.0 if side == 0 else 1.0
+        farthest = max(reach, key=lambda i: sign * reach[i][side])
+        known = [sign * reach[i][side] for i in chosen if i in reach]
+        if not known or max(known) < sign * reach[farthest][side] - short:
+            added.append(farthest)
+    return added
+
+
+def _reach(run: PreparedRun) -> tuple[float, float] | None:
+    """Lowest and highest recorded angle at the output [rad], where one was followed."""
+    if run.observed is None or run.observed.rate_signal:
+        return None
+    return float(run.observed_half.min()), float(run.observed_half.max())
 
 
 def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:

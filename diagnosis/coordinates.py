@@ -23,6 +23,8 @@ Vector = NDArray[np.float64]
 
 BASE_STEP = 1e-4  # finite-difference step, relative to a base parameter's scale
 EFFECT_STEP = 1e-3  # the same for effects, whose laws have corners
+SMALL = 0.3  # of its typical size, below which an effect's step goes with its amplitude ...
+SMALLEST = 1e-5  # ... down to this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Coordinates:
         lower: Bounds in coordinates, shape (n,).
         upper: Likewise.
         step: Finite-difference steps in coordinates, shape (n,).
+        amplitudes: Which coordinates are sizes of effects that vanish at zero, shape (n,).
     """
 
     start: Vector
@@ -48,6 +51,7 @@ class Coordinates:
     lower: Vector
     upper: Vector
     step: Vector
+    amplitudes: NDArray[np.bool_]
 
     @property
     def n_base(self) -> int:
@@ -85,6 +89,16 @@ class Coordinates:
         x = np.where(self.logarithm, logs, values / self.scale)
         return np.clip(x, self.lower, self.upper)
 
+    def difference(self, x: Vector, j: int) -> float:
+        """Finite-difference step of coordinate ``j`` at ``x``, inward at the upper bound.
+
+        A play of a ten-thousandth of the wind-up is another law at a thousandth of it.
+        """
+        step = float(self.step[j])
+        if self.amplitudes[j]:
+            step *= min(max(abs(float(x[j])) / SMALL, SMALLEST), 1.0)
+        return step if x[j] + step <= self.upper[j] else -step
+
     def per_unit(self, x: Vector) -> Vector:
         """d(physical value)/d(coordinate) at ``x``, shape (n,)."""
         return np.where(self.logarithm, np.exp(np.where(self.logarithm, x, 0.0)), self.scale)
@@ -115,6 +129,7 @@ def coordinates(problem: Problem, effects: tuple[EffectSpec, ...] = ()) -> Coord
     upper = list(np.asarray(base.upper, float)[free] / scale)
     step = [BASE_STEP] * len(free)
     logarithm = [False] * len(free)
+    amplitudes = [False] * len(free)
     for spec in effects:
         for position, parameter in enumerate(spec.parameters):
             size = typical_size(spec, position, problem)
@@ -129,7 +144,8 @@ def coordinates(problem: Problem, effects: tuple[EffectSpec, ...] = ()) -> Coord
             else:
                 lower.append(parameter.lower / size)
                 upper.append(parameter.upper / size)
-            step.append(EFFECT_STEP)
+            step.append(EFFECT_STEP * parameter.fineness)
+            amplitudes.append(position == spec.amplitude and parameter.null == 0.0 and not parameter.log)
     return Coordinates(
         start=np.asarray(base.start, float),
         free=free,
@@ -139,4 +155,5 @@ def coordinates(problem: Problem, effects: tuple[EffectSpec, ...] = ()) -> Coord
         lower=np.asarray(lower, float),
         upper=np.asarray(upper, float),
         step=np.asarray(step, float),
+        amplitudes=np.asarray(amplitudes, bool),
     )

@@ -123,9 +123,7 @@ def _shifted(rival: Candidate, wide: Problem) -> list[tuple[float, Vector, tuple
     """Every coordinate moved a little: (step, theta, effects)."""
     moved = []
     for k in range(rival.where.n):
-        step = rival.where.step[k]
-        if rival.x[k] + step > rival.where.upper[k]:
-            step = -step
+        step = rival.where.difference(rival.x, k)
         x = rival.x.copy()
         x[k] += step
         moved.append((step, *rival.where.unpack(x)))

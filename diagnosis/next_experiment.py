@@ -131,7 +131,7 @@ def _differences(names: Names, others: Names) -> list[tuple[str, str]]:
 def _told(one: str, other: str) -> str:
     if one and other:
         return " from ".join(sorted((one, other)))
-    return f"{one or other} from nothing beside what the other candidates hold"
+    return f"whether {one or other} is there at all"
 
 
 # --- the computed answer ---------------------------------------------------------------------------------------------

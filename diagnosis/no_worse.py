@@ -11,10 +11,17 @@ from jointscope.diagnosis.verdict import adequacy_of
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
     from jointscope.diagnosis.pipeline import Diagnosis
+    from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
+FOLLOWING = ("angle", "position", "angular-velocity", "velocity")
+
+
+def _adrift(run: PreparedRun) -> bool:
+    """Whether the rigid body goes where the log's last hundredth carries it, so that its angle tells models nothing."""
+    return run.motor_moves and run.speed_command is None
 
 
 def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
@@ -28,9 +35,13 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     if decision.verdict == "none" or decision.chosen is base or not held:
         return diagnosis
 
+    problem = diagnosis.problem
+    adrift = {problem.runs[i].run.id for i in held if _adrift(problem.runs[i])}
+
     def error(judged: Judged) -> float:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
-        return mean_error(channel_errors(diagnosis.problem, free, held, theta, effects, diagnosis.judgement.noise))
+        errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
+        return mean_error([e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))])
 
     limit = (1.0 + WORSE) * error(base)
     if not error(decision.chosen) > limit:

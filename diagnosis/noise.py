@@ -243,6 +243,8 @@ def _through(candidate: Ringing | None, segments: list[Vector]) -> list[Vector]:
 
 def quantum(output: Output) -> float:
     """The recorder's step: the smallest change between samples if the record sits on a grid, else 0 [its unit]."""
+    if output.step is not None:
+        return output.step
     data = output.data[output.mask]
     steps = np.abs(np.diff(data))
     steps = steps[steps > 0.0]

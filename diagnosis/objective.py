@@ -99,7 +99,7 @@ class Objective:
         """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which))."""
         moved = []
         for j in which:
-            step = where.step[j] if x[j] + where.step[j] <= where.upper[j] else -where.step[j]
+            step = where.difference(x, j)
             shifted = x.copy()
             shifted[j] += step
             moved.append((step, *where.unpack(shifted)))

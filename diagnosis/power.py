@@ -37,6 +37,7 @@ SURE_ENOUGH = 0.84  # standard normal quantile of a detection in 80 % of repetit
 MARGIN = 1.0  # on both gates; not yet fitted: experiments.prove.power_check is what would set it
 HITS, OTHERS = 2, 1  # runs of each kind that stand for all
 PASSES = 2  # steps of the interpolation
+RUN_AWAY = 1e100  # of a prediction whose square would overflow
 REACH = 30.0  # times beyond the catalogue's small and large sizes that a size is sought
 
 
@@ -167,7 +168,7 @@ def _seen(yard: _Yard, active: ActiveEffect) -> tuple[float, float]:
     x = np.clip(fit.x + np.clip(step, -0.7, 0.7), fit.coordinates.lower, fit.coordinates.upper)
     theta, effects = fit.coordinates.unpack(x)
     moved = [objective.predict(problem.runs[run], theta, effects, problem) for run in objective.runs]
-    if not all(np.all(np.isfinite(y)) for ys in moved for y in ys):
+    if not all(np.all(np.abs(y) < RUN_AWAY) for ys in moved for y in ys):
         moved = [list(y) for y in yard.before]  # type: ignore[misc]
     left = whitened(moved)
     left = left - yard.basis @ (yard.basis.T @ left)

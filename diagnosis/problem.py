@@ -40,6 +40,7 @@ class Output:
         floating: Whether its zero is unknown (an angle of a run that does not start at rest): the prediction is moved by
             the mean difference.
         channel: Position of (stream, channel) in the run.
+        step: The recorder's, where the record was thinned and no longer sits on its grid [the channel's unit].
     """
 
     quantity: str
@@ -63,6 +64,7 @@ class Output:
     followed_to: float = OBSERVER_HZ
     floating: bool = False
     channel: tuple[int, int] = (0, 0)
+    step: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

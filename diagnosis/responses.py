@@ -66,12 +66,14 @@ def responses(runs: tuple[PreparedRun, ...], *, exact: bool = False) -> tuple[Re
         drive = run.motor_half if _by_motor(run) else run.load_half
         if not np.any(drive) or run.mode.startswith("prescribed"):
             continue
+        half = run.t0 + np.arange(drive.size) / (2.0 * run.grid_rate)
         for output in run.outputs:
             if output.quantity in ("torque", "current", "voltage", "force") or output.direction == "radial":
                 continue
-            grid = np.clip(np.round((output.times - run.t0) * 2.0 * run.grid_rate).astype(int), 0, drive.size - 1)
             y = output.data / _to_joint(run, output)
-            pools.setdefault(channel_key(run, output), []).append((drive[grid], y, output.rate, run, output))
+            pools.setdefault(channel_key(run, output), []).append(
+                (np.interp(output.times, half, drive), y, output.rate, run, output)
+            )
     return tuple(r for pool in pools.values() for r in (_pooled(pool, exact),) if r is not None)
 
 

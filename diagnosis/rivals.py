@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,14 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-LEVERED = ("sliding-mount", "carrier")  # laws of what carries the joint that have a parameter more
+BEHIND = (
+    0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
+)
+FREER = {  # laws of more parameters that start where a plainer one of the same thing was found
+    "base-compliance": ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned"),
+    "transmission-error": ("motor-order-harmonic", "output-order-harmonic"),
+    "torque-ripple": ("cogging-harmonic",),
+}
 
 
 def rivals(
@@ -25,29 +32,34 @@ def rivals(
     base: Fit,
     leader: Hypothesis,
     candidates: Sequence[ActiveEffect],
-    known: set[tuple[str, ...]],
+    known: Mapping[tuple[str, ...], float],
     effort: Effort,
 ) -> list[Hypothesis]:
     """Fit the look-alikes of a leading set's effects in their place, which the screening may have missed.
 
+    Where a fit exists already and is far behind it is tried again from the leader's base: a strong effect pulls the
+    base along, and a fit that starts at another base may end in a valley of its own.
+
     Args:
         base: The base's fit.
         candidates: Trials of every law.
-        known: Names of the sets whose fits exist already; those fitted here are added.
+        known: Loss of the sets whose fits exist already, by name.
     """
     found: list[Hypothesis] = []
+    far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+    done = {names for names, loss in known.items() if loss < far}
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
     for position, spec in enumerate(leader.specs):
         others = tuple(e for k, e in enumerate(effects) if k != position)
         kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
         for name in spec.look_alikes:
             trials = [c for c in candidates if c.spec.name == name and name_of(c.spec) not in names_of(kept)]
-            trials = [c for c in trials if names_of((*kept, c.spec)) not in known]
+            trials = [c for c in trials if names_of((*kept, c.spec)) not in done]
             if not trials:
                 continue
             trials.extend(_same_numbers(trials, effects[position]))
             active = _nearest(objective, theta, others, trials)
-            known.add(names_of((*kept, active.spec)))
+            done.add(names_of((*kept, active.spec)))
             fit = fit_child(objective, base, [*others, active], effort, [theta])
             if fit is not None:
                 found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
@@ -74,7 +86,7 @@ def grown(
         ]
         if any(t.spec.parameters[0].name != spec.parameters[0].name for t in trials):
             trials = []
-        for group in (trials, *_with_levers(candidates, effects[position])):
+        for group in (trials, *_freer(candidates, effects[position])):
             if not group:
                 continue
             active = _nearest(objective, theta, others, group)
@@ -85,23 +97,28 @@ def grown(
 
 
 def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
-    """One trial of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
+    """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
     known = dict(zip((p.name for p in leader.spec.parameters), leader.values, strict=True))
-    found: dict[int, ActiveEffect] = {}
+    found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
         names = [p.name for p in trial.spec.parameters]
-        if id(trial.spec) not in found and any(name in known for name in names):
-            values = [known.get(name, value) for name, value in zip(names, trial.values, strict=True)]
-            found[id(trial.spec)] = ActiveEffect(trial.spec, tuple(values))
+        if any(name in known for name in names):
+            values = tuple(known.get(name, value) for name, value in zip(names, trial.values, strict=True))
+            ways = tuple(v for name, v in zip(names, trial.values, strict=True) if name == "direction")
+            found.setdefault((id(trial.spec), ways), ActiveEffect(trial.spec, values))
     return list(found.values())
 
 
-def _with_levers(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
-    """What carries the joint may slide, or turn about an axis of its own: the leader's mode with a lever, law by law."""
-    if leader.spec.name != "base-compliance":
-        return []
-    wider = [c for c in candidates if c.spec.variant in LEVERED and c.spec is not leader.spec]
-    return [[active] for active in _same_numbers(wider, leader)]
+def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
+    """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
+    variants = FREER.get(leader.spec.name, ())
+    if leader.spec.family == "periodic":
+        variants = tuple(v for v in variants if v == f"{leader.spec.variant}-harmonic")
+    wider = [c for c in candidates if c.spec.variant in variants and c.spec is not leader.spec]
+    groups: dict[int, list[ActiveEffect]] = {}
+    for active in _same_numbers(wider, leader):
+        groups.setdefault(id(active.spec), []).append(active)
+    return list(groups.values())
 
 
 def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:

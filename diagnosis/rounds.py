@@ -129,6 +129,11 @@ def residuals_of(stage: Stage) -> list[list[Vector]]:
     return found
 
 
+def _losses(arena: Arena) -> dict[tuple[str, ...], float]:
+    """Loss of the best fit of every set."""
+    return {h.names: h.loss for h in reversed(arena.hypotheses)}
+
+
 def explore(
     stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
 ) -> tuple[Screening, tuple[Hypothesis, ...]]:
@@ -144,7 +149,7 @@ def explore(
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, arena.hypotheses
-    known = {h.names for h in arena.hypotheses}
+    known = _losses(arena)
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
     for leader in [h for h in arena.hypotheses if len(h.specs) == 1][: effort.beam + 1]:
         alike.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
@@ -158,7 +163,7 @@ def explore(
         arena = settled(arena, pairs, effort)
         leader = arena.hypotheses[0]
         if len(leader.names) == 2 and size == 3:  # each member may have stood in for its look-alike
-            known = {h.names for h in arena.hypotheses}
+            known = _losses(arena)
             swapped = rivals(arena.objective, arena.base.fit, leader, candidates, known, effort)
             arena = settled(arena, swapped, effort) if swapped else arena
         best = arena.hypotheses[0]

@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
+from jointscope.diagnosis.channels import recorded as as_recorded
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
@@ -19,7 +20,9 @@ from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
 
 Vector = NDArray[np.float64]
 
-GRID_RATE = 4000.0  # Hz; the simulation grid is at least this fine
+GRID_HITS, GRID_OTHERS = 4000.0, 2000.0  # Hz; the simulation grid is at least this fine
+KEPT_HITS, KEPT_OTHERS = 2000.0, 1000.0  # Hz; records of twice this rate and more are thinned to no less
+PLATEAU = 8  # samples at a record's very peak: it clips, and is left as it is
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
 SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
 COARSE = (
@@ -57,7 +60,7 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
     outputs = () if inputs_only else _outputs(recorded, rig, run, mode, daq, observed)
     if not outputs and not inputs_only:
         return None
-    t0, grid_rate, steps = _grid(recorded, outputs or declared)
+    t0, grid_rate, steps = _grid(recorded, outputs or declared, declared, run.experiment)
     half = t0 + np.arange(2 * steps + 1) / (2.0 * grid_rate)
     zeros = np.zeros(2 * steps + 1)
     motor_half = zeros if motor is None else motor.signal(half)
@@ -242,8 +245,32 @@ def _outputs(
             continue
         output = _output(signal, rig, run, mode, daq, observed, run.arm_angle)
         if output.observed or quantum(output) < COARSE * dynamic_level(output):
-            outputs.append(output)
+            outputs.append(thinned(output, KEPT_HITS if run.experiment == "hammer" else KEPT_OTHERS))
     return tuple(outputs)
+
+
+def thinned(output: Output, least: float) -> Output:
+    """The record band-limited and thinned to a whole fraction of its rate, ``least`` [Hz] or more.
+
+    A joint rings below 100 Hz: on motions and sweeps what lies above 400 Hz is noise, and every simulation pays for it.
+    A record that has gaps or clips stays as it is.
+    """
+    step = int(output.rate // least)
+    if step < 2 or not output.data.size or not output.mask[:-_TAIL].all() or _clips(output):
+        return output
+    rate = output.rate / step
+    times = output.times[::step]
+    mask = np.ones(times.size, dtype=np.bool_)
+    mask[-_TAIL:] = False
+    data = as_recorded(output.data, output.rate, float(output.times[0]), times, rate)
+    return replace(output, rate=rate, times=times, data=data, mask=mask, step=quantum(output))
+
+
+def _clips(output: Output) -> bool:
+    """Whether an acceleration stays at its highest or lowest value for some samples."""
+    ends = (float(output.data.min()), float(output.data.max()))
+    often = max(np.count_nonzero(output.data == end) for end in ends)
+    return output.quantity in ACCELERATIONS and bool(often >= PLATEAU)
 
 
 SPEED_OF = {"angular-velocity": "angle", "velocity": "position"}
@@ -323,15 +350,18 @@ def _gravity(channel: Channel, rig: Nameplate) -> float:
     return STANDARD_GRAVITY if vertical and channel.quantity == "linear-acceleration" else 0.0
 
 
-def _grid(recorded: list[Signal], outputs: tuple[Output, ...]) -> tuple[float, float, int]:
+def _grid(
+    recorded: list[Signal], outputs: tuple[Output, ...], declared: tuple[Output, ...], experiment: str
+) -> tuple[float, float, int]:
     """Start [s], rate [Hz] and number of steps of the simulation grid: whole fractions of the fastest output's."""
     fastest = max(outputs, key=lambda o: o.rate)
     rate = fastest.rate
-    grid_rate = rate * max(2, int(np.ceil(GRID_RATE / rate)))
+    least = GRID_HITS if experiment == "hammer" else GRID_OTHERS
+    grid_rate = rate * max(2, int(np.ceil(least / rate)))
     begin = min(s.stream.start for s in recorded)
     lead = max(0, int(np.ceil((fastest.times[0] - begin) * rate - 1e-9)))
     t0 = float(fastest.times[0]) - lead / rate
-    end = max(float(o.times[-1]) for o in outputs)
+    end = max(float(o.times[-1]) for o in (*outputs, *declared) if o.times.size)
     steps = max(2, int(np.ceil((end - t0) * grid_rate - 1e-6)))
     return t0, grid_rate, steps
 

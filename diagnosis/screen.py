@@ -53,16 +53,17 @@ class Trial:
 
 
 def trial_effects(spec: EffectSpec, problem: Problem, sizes: Sequence[int] = (1,)) -> list[ActiveEffect]:
-    """The candidate at its starts: amplitudes ``sizes`` (0 small, 1 medium, 2 large) times the grid of shapes."""
+    """The candidate at its starts: amplitudes ``sizes`` (0 small, 1 medium, 2 large, -k: small 10^-k) by shapes."""
     amplitude = spec.amplitude
     scale = spec.scale(problem)
     found = []
     for shape in spec.starts(problem):
         for size in sizes:
+            value = scale[size] if size >= 0 else scale[0] * 10.0**size
             values = list(shape)
-            values.insert(amplitude, scale[size])
+            values.insert(amplitude, value)
             for position in spec.proportional:
-                values[position] *= scale[size] / scale[1]
+                values[position] *= value / scale[1]
             found.append(ActiveEffect(spec, tuple(float(v) for v in values)))
     return found
 

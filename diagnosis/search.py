@@ -324,7 +324,8 @@ def candidates_for(
         if spec.possible(problem) is None:
             shapes = len(spec.starts(problem))
             sizes = (0, 1, 2) if shapes == 1 else (0, 1) if shapes <= 3 else (1,)
-            trials = trial_effects(spec, problem, sizes)
+            smaller = tuple(range(-spec.decades, 0))
+            trials = trial_effects(spec, problem, (*smaller, *sizes))
             found.extend(trials if spec.residual_starts is None or not residuals else trials[::THINNED])
             if spec.residual_starts is not None and residuals:
                 for shape in spec.residual_starts(problem, residuals):

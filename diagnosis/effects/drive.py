@@ -1,6 +1,7 @@
 r"""Between the logged torque and the shaft: the current loop's lag, and a torque constant or efficiency that is off.
 
     tau = eta n T_e / (1 + s tau_e)          drive-lag, or two such stages of half the time
+    tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)     a current loop tuned to the magnitude optimum
     tau = gain eta n T_e                     torque-gain
 
 Facts used as tests: the lag's gain is 1/sqrt(1 + (w tau_e)^2), a gain scales a linear response exactly.
@@ -31,6 +32,11 @@ def _lag(stages: int) -> Apply:
             assembly.chain.lags += (values[0] / stages,) * stages
 
     return apply
+
+
+def _loop(assembly: Assembly, values: Values, weight: float) -> None:
+    if values[0] > 0.0:
+        assembly.chain.loop = values[0]
 
 
 def _gain(assembly: Assembly, values: Values, weight: float) -> None:
@@ -69,14 +75,15 @@ SPECS: tuple[EffectSpec, ...] = (
             law=law,
             revealed_by=("torque-sweep", "speed-motion"),
             look_alikes=("delay", "torque-logging", "sensor-resonance"),
-            apply=_lag(stages),
+            apply=apply,
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=one_start,
             possible=_lag_possible,
         )
-        for variant, stages, law in (
-            ("first-order", 1, "tau = eta n T_e / (1 + s tau_e)"),
-            ("second-order", 2, "tau = eta n T_e / (1 + s tau_e/2)^2"),
+        for variant, apply, law in (
+            ("first-order", _lag(1), "tau = eta n T_e / (1 + s tau_e)"),
+            ("second-order", _lag(2), "tau = eta n T_e / (1 + s tau_e/2)^2"),
+            ("magnitude-optimum", _loop, "tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)"),
         )
     ),
     EffectSpec(

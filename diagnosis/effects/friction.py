@@ -5,6 +5,7 @@ r"""Dry friction at motor or arm, friction that grows with load, and drag.
     T_f = T tanh(w/w_e)                                                 Coulomb, rounded
     dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
     T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
+    dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
     T_f = mu |T_S| sgn(w)                                               load-dependent
     T_f = c_q w |w|                                                     quadratic
 
@@ -128,6 +129,24 @@ def _stribeck(location: str, exponent: float) -> Apply:
     return apply
 
 
+def _bristles(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, breakaway, speed, angle = values
+        _presliding(location)(assembly, (torque, angle), weight)
+        assembly.P[kernel.PRE_EXCESS] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9)
+        assembly.P[kernel.PRE_SPEED] = speed
+
+    return apply
+
+
+def _bristle_starts(location: str) -> Starts:
+    def starts(problem: Problem) -> tuple[Values, ...]:
+        angles = _presliding_angles(problem)
+        return tuple((*speeds, *angle) for speeds in _speeds(location)(problem)[:2] for angle in angles)
+
+    return starts
+
+
 def _load_dependent(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         first = _dry(assembly, location, 0.0, 0.0)
@@ -194,6 +213,11 @@ def _drag_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 _TORQUE = ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0)
 _ASYMMETRY = ParameterSpec("asymmetry", "1", -0.9, 0.9)
 _VISCOUS = ParameterSpec("viscous_asymmetry", "1", -0.9, 0.9)
+_STRIBECK = (
+    _TORQUE,
+    ParameterSpec("breakaway", "N m", 1e-9, 1e9, log=True),
+    ParameterSpec("stribeck_velocity", "rad/s", 1e-9, 1e6, log=True),
+)
 _LAWS = {
     "plain": "T sgn(w) against the motion, sticking below T",
     "asymmetric": "T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
@@ -237,6 +261,7 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
             look_alikes=_ALIKE,
             apply=apply,
             scale=_sizes(location),
+            decades=2 if variant == "plain" else 0,
             starts=starts,
             possible=_both(_possible(location), further),
             limits=_torque_limits,
@@ -277,11 +302,7 @@ def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
             location=location,
             variant=variant,
             family="dissipative",
-            parameters=(
-                _TORQUE,
-                ParameterSpec("breakaway", "N m", 1e-9, 1e9, log=True),
-                ParameterSpec("stribeck_velocity", "rad/s", 1e-9, 1e6, log=True),
-            ),
+            parameters=_STRIBECK,
             law="[T + (T_b - T) exp(-|w/w_s|^a)] sgn(w)",
             revealed_by=("speed-motion",),
             look_alikes=("coulomb-friction", "load-dependent-friction"),
@@ -294,6 +315,27 @@ def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
             limits=_torque_limits,
         )
         for variant, exponent in (("gaussian", 2.0), ("exponential", 1.0))
+    )
+
+
+def _bristle_spec(location: Location) -> EffectSpec:
+    """Stribeck's friction built up elastically, as LuGre's bristles do."""
+    return EffectSpec(
+        name="stribeck-friction",
+        location=location,
+        variant="bristles",
+        family="dissipative",
+        parameters=(*_STRIBECK, ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)),
+        law="dT/dq = (T_c - T sgn(w)/g) / y, g = 1 + (T_b/T_c - 1) exp(-(w/w_s)^2)",
+        revealed_by=("speed-motion",),
+        look_alikes=("coulomb-friction", "load-dependent-friction"),
+        sensible=lambda values: values[1] > values[0],
+        apply=_bristles(location),
+        scale=_sizes(location),
+        starts=_bristle_starts(location),
+        proportional=(1,),
+        possible=_elastic_and_moving,
+        limits=_presliding_limits,
     )
 
 
@@ -310,6 +352,8 @@ SPECS: tuple[EffectSpec, ...] = (
     _shaped_spec("load", "presliding"),
     *_stribeck_specs("motor"),
     *_stribeck_specs("load"),
+    _bristle_spec("motor"),
+    _bristle_spec("load"),
     *(
         EffectSpec(
             name="load-dependent-friction",

@@ -2,7 +2,7 @@ r"""On the arm: weight that the base lacks, inertia that differs between runs, a
 
     - M cos(q + phi)                       gravity (a constant force on a translational rig)
     J_L + inertia in some of the runs      payload
-    - k (q - q_stop)+                      end-stop, one-sided
+    - k (q - q_stop)+ (1 + c_k q')         end-stop, one-sided (Hunt and Crossley: no pull, loss that grows with depth)
 
 Facts used as tests: at standstill the transmission carries exactly the weight; a payload moves the held arm's frequency
 by sqrt(J/(J + dJ)); a stop leaves the motion below its angle untouched.
@@ -74,7 +74,8 @@ def _several_runs(problem: Problem) -> str | None:
 def _stop(side: float) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         P = assembly.P
-        P[kernel.STOP_ANGLE], P[kernel.STOP_K] = values
+        P[kernel.STOP_ANGLE], P[kernel.STOP_K] = values[:2]
+        P[kernel.STOP_C] = values[2]
         P[kernel.STOP_SIDE], P[kernel.STOP_EXPONENT] = side, 1.0
 
     return apply
@@ -93,6 +94,7 @@ def _stop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {
         "angle": (s.angle_low - 0.05 * s.travel, s.angle_high + 0.05 * s.travel),
         "stiffness": (0.0, 100.0 * _stop_sizes(problem)[2]),
+        "damping": (0.0, 100.0 / max(s.speed, 1e-9)),
     }
 
 
@@ -100,7 +102,8 @@ def _stop_starts(side: float) -> Starts:
     def starts(problem: Problem) -> tuple[Values, ...]:
         s = problem.scales
         edge = s.angle_high if side > 0.0 else s.angle_low
-        return tuple((edge - side * share * s.travel,) for share in (0.03, 0.12, 0.3, 0.5))
+        loss = 0.3 / max(s.speed, 1e-9)
+        return tuple((edge - side * share * s.travel, loss) for share in (5e-4, 5e-3, 0.03, 0.12, 0.3, 0.5))
 
     return starts
 
@@ -153,10 +156,11 @@ SPECS: tuple[EffectSpec, ...] = (
             variant=variant,
             family="contact",
             parameters=(
-                ParameterSpec("angle", "rad", -1e3, 1e3),
+                ParameterSpec("angle", "rad", -1e3, 1e3, fineness=0.02),
                 ParameterSpec("stiffness", "N m/rad", 0.0, 1e12, null=0.0),
+                ParameterSpec("damping", "s/rad", 0.0, 1e9),
             ),
-            law="k (q - q_stop)+ on the " + variant + " side",
+            law="k (q - q_stop)+ (1 + c_k q') on the " + variant + " side",
             revealed_by=("speed-motion", "torque-sweep", "hammer"),
             look_alikes=("stiffness-nonlinearity", "backlash"),
             apply=_stop(side),
@@ -164,6 +168,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_stop_starts(side),
             possible=lambda problem: None,
             limits=_stop_limits,
+            local=True,
         )
         for variant, side in (("upper", 1.0), ("lower", -1.0))
     ),

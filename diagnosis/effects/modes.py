@@ -67,7 +67,7 @@ def _neighbour(assembly: Assembly, values: Values, weight: float) -> None:
     _two_states(assembly, kernel.AT_NEAR)
 
 
-def _carried(assembly: Assembly, values: Values, turn: float, slide: float) -> None:
+def carried(assembly: Assembly, values: Values, turn: float, slide: float) -> None:
     """What carries the joint moves the arm at radius r by turn + slide/r times what it moves at the joint."""
     P = assembly.P
     if assembly.S[kernel.AT_BASE] >= 0:  # one thing carries the joint
@@ -89,17 +89,17 @@ def _hammer_radius(run: PreparedRun) -> float:
 
 
 def _base(assembly: Assembly, values: Values, weight: float) -> None:
-    _carried(assembly, values, 1.0, 0.0)
+    carried(assembly, values, 1.0, 0.0)
 
 
 def _sliding(assembly: Assembly, values: Values, weight: float) -> None:
-    _carried(assembly, values, 0.0, values[3])
+    carried(assembly, values, 0.0, values[3])
 
 
 def _carrier(assembly: Assembly, values: Values, weight: float) -> None:
     percussion, offset = _percussion(assembly.problem, float(assembly.P[kernel.J_L])), values[3]
     both = percussion + offset
-    _carried(assembly, values, percussion / both, percussion * offset / both)
+    carried(assembly, values, percussion / both, percussion * offset / both)
 
 
 def _percussion(problem: Problem, inertia: float) -> float:

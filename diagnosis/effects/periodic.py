@@ -2,6 +2,7 @@ r"""Periodic in position: the gear's kinematic error and the motor's torque ripp
 
     Delta = q_s + a sin(order angle + phase) - q          transmission-error
     tau + a sin(order angle + phase)                      torque-ripple (cogging), or a share of tau
+    a [sin x + h_s sin 2x + h_c cos 2x] for a sin x       either with its second harmonic
 
 Facts used as tests: at constant speed w the line stands at order w; the error cancels in the momentum balance of both
 inertias, the ripple does not.
@@ -10,6 +11,7 @@ inertias, the ripple does not.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from jointscope.diagnosis import kernel
@@ -37,21 +39,32 @@ _PHASES = (0.0, 0.5 * math.pi)
 _TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # from the phase that the residual shows
 
 
+def harmonics(values: Values) -> tuple[tuple[float, float, float], ...]:
+    """(amplitude, order, phase) of every line of ``amplitude, order, phase[, h_s, h_c]``."""
+    amplitude, order, phase = values[:3]
+    lines = ((amplitude, order, phase),)
+    if len(values) == 3:
+        return lines
+    sine, cosine = values[3:]
+    second = (amplitude * math.hypot(sine, cosine), 2.0 * order, 2.0 * phase + math.atan2(cosine, sine))
+    return (*lines, second)
+
+
 def _error(per_output: bool) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        amplitude, order, phase = values
-        per_motor, per_load = (0.0, order) if per_output else (order * assembly.ratio, 0.0)
-        assembly.line(kernel.TE_0, kernel.N_TE, (amplitude, per_motor, per_load, phase))
+        for amplitude, order, phase in harmonics(values):
+            per_motor, per_load = (0.0, order) if per_output else (order * assembly.ratio, 0.0)
+            assembly.line(kernel.TE_0, kernel.N_TE, (amplitude, per_motor, per_load, phase))
 
     return apply
 
 
 def _ripple(loaded: bool) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        amplitude, order, phase = values
-        per_motor = order * assembly.ratio
-        line = (0.0, amplitude, per_motor, phase) if loaded else (amplitude, 0.0, per_motor, phase)
-        assembly.line(kernel.RIPPLE_0, kernel.N_RIPPLE, line)
+        for amplitude, order, phase in harmonics(values):
+            per_motor = order * assembly.ratio
+            line = (0.0, amplitude, per_motor, phase) if loaded else (amplitude, 0.0, per_motor, phase)
+            assembly.line(kernel.RIPPLE_0, kernel.N_RIPPLE, line)
 
     return apply
 
@@ -66,6 +79,10 @@ def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStar
         return tuple((order, math.remainder(phase + turn, math.tau)) for order, phase in found for turn in _TURNED)
 
     return starts
+
+
+def _of_the_motor(values: Values) -> bool:
+    return abs(values[1] - round(values[1])) < _WHOLE
 
 
 def _possible(spring: bool, per_output: bool) -> Possible:
@@ -102,9 +119,12 @@ def _ripple_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 _PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
 _MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True)
 _OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True)
+_WHOLE = (
+    0.06  # from a whole number, what an order of the motor's own may be off: its field returns with every turn
+)
 _LINES = ("transmission-error", "torque-ripple", "external-vibration")
 
-SPECS: tuple[EffectSpec, ...] = (
+_PLAIN: tuple[EffectSpec, ...] = (
     *(
         EffectSpec(
             name="transmission-error",
@@ -142,6 +162,7 @@ SPECS: tuple[EffectSpec, ...] = (
         possible=_possible(False, False),
         limits=_ripple_limits,
         residual_starts=_found(False, "ripple"),
+        sensible=_of_the_motor,
     ),
     EffectSpec(
         name="torque-ripple",
@@ -157,5 +178,28 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=_starts(_MOTOR_ORDERS),
         possible=_possible(False, False),
         residual_starts=_found(False, "ripple"),
+        sensible=_of_the_motor,
     ),
+)
+
+
+def _with_harmonic(spec: EffectSpec) -> EffectSpec:
+    """The law with its second harmonic: fitted from where the line alone was found, so one start is enough."""
+    shares = (ParameterSpec("harmonic_sine", "1", -1.0, 1.0), ParameterSpec("harmonic_cosine", "1", -1.0, 1.0))
+    first = 1.0 if spec.variant != "output-order" else 2.0
+    return replace(
+        spec,
+        variant=f"{spec.variant}-harmonic",
+        parameters=(*spec.parameters, *shares),
+        law=spec.law.replace(
+            "a sin(order angle + phase)", "a (sin x + h_s sin 2x + h_c cos 2x), x = order angle + phase"
+        ),
+        starts=lambda problem: ((first, 0.0, 0.0, 0.0),),
+        residual_starts=None,
+    )
+
+
+SPECS: tuple[EffectSpec, ...] = (
+    *_PLAIN,
+    *(_with_harmonic(spec) for spec in _PLAIN if spec.variant != "load-proportional"),
 )

@@ -32,6 +32,7 @@ class ParameterSpec:
         lower, upper: What a fit may reach; ``catalogue`` narrows it to the rig at hand.
         log: Whether it is positive and spans decades.
         null: Value at which the effect vanishes; ``None`` for parameters that only shape it.
+        fineness: Its finite-difference step relative to the usual one.
     """
 
     name: str
@@ -40,6 +41,7 @@ class ParameterSpec:
     upper: float
     log: bool = False
     null: float | None = None
+    fineness: float = 1.0
 
 
 Limits = Callable[["Problem"], "dict[str, tuple[float, float]]"]
@@ -81,6 +83,8 @@ class EffectSpec:
         residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``.
         proportional: Positions of parameters that are resized with the amplitude (a breakaway torque, say).
         profiled: Numbers that are fitted anew in every run, held-out ones too (a phase, say).
+        decades: How often a tenth of the smallest size is tried too: a law with a threshold is another one at each.
+        local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
     """
 
@@ -101,6 +105,8 @@ class EffectSpec:
     residual_starts: ResidualStarts | None = field(default=None, repr=False)
     proportional: tuple[int, ...] = ()
     profiled: int = 0
+    decades: int = 0
+    local: bool = False
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
 
     @property

@@ -170,6 +170,7 @@ SPECS: tuple[EffectSpec, ...] = (
             look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
             apply=_backlash(inside),
             scale=_angle_sizes,
+            decades=0 if variant == "off-centre" else 3,
             starts=starts,
             possible=needs_spring,
             limits=_gap_limits,

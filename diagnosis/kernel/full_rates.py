@@ -11,6 +11,7 @@ from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
 from jointscope.diagnosis.kernel.laws import (
     STRUCTURAL_WIDTH,
     TURN,
+    bristle,
     elastic,
     friction,
     hysteresis,
@@ -100,7 +101,7 @@ def _rates_source(
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if S[PRE_SITE] == AT_MOTOR:
-        force_m -= P[PRE_TORQUE] * hysteresis(mem[9], q_s - mem[8], P[PRE_ANGLE], DAHL)
+        force_m -= P[PRE_TORQUE] * bristle(mem[9], q_s - mem[8], v_s, P)
     if P[ROUND_M] != 0.0:
         force_m -= P[ROUND_M] * math.tanh(v_s / P[ROUND_M_SPEED])
     level_m = P[FM_LOAD] * abs(T)
@@ -143,7 +144,7 @@ def _rates_source(
     if P[ROUND_L] != 0.0:
         force_l -= P[ROUND_L] * math.tanh(v / P[ROUND_L_SPEED])
     if S[PRE_SITE] == AT_LOAD:
-        force_l -= P[PRE_TORQUE] * hysteresis(mem[9], q - mem[8], P[PRE_ANGLE], DAHL)
+        force_l -= P[PRE_TORQUE] * bristle(mem[9], q - mem[8], v, P)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
         d = q + beta - mem[5]
         if abs(d) > TURN:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.kernel.compiled import Real, compiled
 from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, windup_of
 from jointscope.diagnosis.kernel.full_rates import rates, rates_inlined
-from jointscope.diagnosis.kernel.laws import friction, hysteresis
+from jointscope.diagnosis.kernel.laws import bristle, friction
 from jointscope.diagnosis.kernel.layout import *
 
 
@@ -124,7 +124,7 @@ def simulate_full(
             if hyst:
                 remember(P, S, mem, windup_of(xn, P, S, input_at(y, k, target)))
             if S[PRE_SITE] != 0:
-                mem[9] = hysteresis(mem[9], xn[pre] - mem[8], P[PRE_ANGLE], DAHL)
+                mem[9] = bristle(mem[9], xn[pre] - mem[8], xn[pre + 1], P)
                 mem[8] = xn[pre]
             for i in range(m):
                 x[i] = xn[i]
@@ -150,7 +150,7 @@ def simulate_full(
         if hyst:
             remember(P, S, mem, windup_of(xn, P, S, y[2 * k + 2]))
         if S[PRE_SITE] != 0:
-            mem[9] = hysteresis(mem[9], xn[pre] - mem[8], P[PRE_ANGLE], DAHL)
+            mem[9] = bristle(mem[9], xn[pre] - mem[8], xn[pre + 1], P)
             mem[8] = xn[pre]
         for i in range(m):
             x[i] = xn[i]

@@ -32,7 +32,11 @@ ROUND_M, ROUND_M_SPEED, ROUND_L, ROUND_L_SPEED = (
     114,
     115,
 )  # friction T tanh(w/w_e): torque [N m], w_e [rad/s]
-N_P = 116
+PRE_EXCESS, PRE_SPEED = (
+    116,
+    117,
+)  # breakaway beyond PRE_TORQUE as its share, and the speed over which it falls [rad/s]
+N_P = 118
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

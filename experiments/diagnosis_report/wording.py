@@ -232,7 +232,7 @@ def in_words(sentence: str, *, translational: bool) -> str:
     def word(found: re.Match[str]) -> str:
         return called(found[0], translational=translational)
 
-    sentence = re.sub(r"tells (\S+@\S+) from nothing\b.*", r"tells whether there is \1", sentence)
+    sentence = re.sub(r"tells whether (\S+@\S+) is there at all", r"tells whether there is \1", sentence)
     return re.sub(r"[a-z-]+@[a-z]+", word, sentence).rstrip(".")
 
 

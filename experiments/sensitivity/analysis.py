@@ -139,7 +139,7 @@ def sentence(study: Study, indices: tuple[Index, ...], output: str) -> str:
         rest = [index.factor.replace("_", " ") for index in own if index.total + index.total_interval < 0.01]
         idle = f" {', '.join(rest).capitalize()} may stay rough: each explains less than 1 %." if rest else ""
         return (
-            f"The {what} varies mostly through the {name}: {100 * first.total:.0f} % of its variance "
+            f"The {what} varies mostly through the {name}: {min(100 * first.total, 100.0):.0f} % of its variance "
             f"(± {100 * first.total_interval:.0f} % at 95 %).{idle}"
         )
     if study.method == "morris":

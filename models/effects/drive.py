@@ -5,10 +5,14 @@ from __future__ import annotations
 import mujoco
 
 from jointscope.models.effects.building import Building, Parameters
+from jointscope.models.effects.transmission import lines_of
 
 
 def lag(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """tau = eta n T_e / (1 + s tau_e), from the logged torque, or two such stages of half the time."""
+    """tau = eta n T_e / (1 + s tau_e), from the logged torque, two such stages of half the time, or a tuned loop."""
+    if variant == "magnitude-optimum":
+        building.law("drive-lag", time_constant=p["time_constant"], form=variant)
+        return ""
     stages = 2 if variant == "second-order" else 1
     for _ in range(stages):
         building.law("drive-lag", time_constant=p["time_constant"] / stages)
@@ -23,15 +27,17 @@ def gain(building: Building, location: str, variant: str, p: Parameters) -> str:
 
 def ripple(building: Building, location: str, variant: str, p: Parameters) -> str:
     """tau + a sin(order angle + phase), or tau (1 + share sin(...)); angle as the encoder counts it."""
-    per_motor = p["order"] * building.ratio
     if variant == "load-proportional" or "share" in p:
-        building.law("torque-ripple", share=p["share"], per_motor=per_motor, phase=p["phase"])
+        building.law("torque-ripple", share=p["share"], per_motor=p["order"] * building.ratio, phase=p["phase"])
         return ""
+    names = [_cogging(building, a, order * building.ratio, phase) for a, order, phase in lines_of(p)]
+    return f"cogging of actuator '{names[0]}', its phase put to each run's encoder zero"
+
+
+def _cogging(building: Building, amplitude: float, per_motor: float, phase: float) -> str:
     name = f"cogging {1 + sum(law['kind'] == 'cogging' for law in building.laws)}"
     cogging = building.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="motor")
     # a motor constant that is next to nothing: the control input does nothing either
-    cogging.set_to_dcmotor(
-        motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[p["amplitude"], per_motor, p["phase"]]
-    )
-    building.law("cogging", actuator=name, per_motor=per_motor, phase=p["phase"])
-    return f"cogging of actuator '{name}', its phase put to each run's encoder zero"
+    cogging.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, per_motor, phase])
+    building.law("cogging", actuator=name, per_motor=per_motor, phase=phase)
+    return name

@@ -2,6 +2,7 @@ r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damp
 
 T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
 b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the speed, exactly
+dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
 
@@ -23,6 +24,9 @@ def coulomb(building: Building, location: str, variant: str, p: Parameters) -> s
         nodes = np.linspace(-SATURATED, SATURATED, NODES)
         building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(-torque * np.tanh(nodes)))
         return ""
+    if variant == "presliding":
+        _bristles(building, location, torque, p["presliding"], 0.0, 1.0)
+        return ""
     building.rub(location, torque, asymmetry * torque)
     if p.get("viscous_asymmetry", 0.0):
         one_sided = -p["viscous_asymmetry"] * float(building.spec.tendon("arm").damping[0]) * FASTEST
@@ -35,6 +39,10 @@ def coulomb(building: Building, location: str, variant: str, p: Parameters) -> s
 def stribeck(building: Building, location: str, variant: str, p: Parameters) -> str:
     """Breakaway above the sliding friction, falling with speed."""
     torque = p["torque"]
+    if variant == "bristles":
+        excess = max(p["breakaway"] / torque - 1.0, 0.0)
+        _bristles(building, location, torque, p["presliding"], excess, p["stribeck_velocity"])
+        return ""
     building.rub(location, torque)
     building.law(
         "friction-level",
@@ -45,6 +53,11 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
         share=0.0,
     )
     return f"frictionloss of {_element(location)} for the sliding part"
+
+
+def _bristles(building: Building, location: str, torque: float, angle: float, excess: float, speed: float) -> None:
+    at = "load" if building.single else location
+    building.law("bristles", at=at, torque=torque, angle=angle, excess=excess, speed=speed)
 
 
 def load_dependent(building: Building, location: str, variant: str, p: Parameters) -> str:

@@ -14,9 +14,11 @@ def gravity(building: Building, location: str, variant: str, p: Parameters) -> s
 
 
 def end_stop(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """k (q - angle)+ on the upper or the lower side."""
+    """k (q - angle)+ (1 + c_k q') on the upper or the lower side, the loss a law of replay's."""
     side = -1.0 if variant == "lower" else 1.0
     building.add_stop(side, p["angle"], p["stiffness"])
+    if p.get("damping", 0.0):
+        building.law("stop-loss", side=side, angle=p["angle"], damping=p["stiffness"] * p["damping"])
     return "springlength of tendon 'end-stop " + ("upper'" if side > 0.0 else "lower'")
 
 

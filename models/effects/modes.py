@@ -2,6 +2,7 @@ r"""Further modes as bodies: a part of the arm's inertia on its own spring, or a
 
 J_p (q'' + p'' + 2 zeta w p' + w^2 p) = phi_h T_ext, J_p out of J_L; the sensor reads q'' + phi_s p''
 J_b (b'' + 2 zeta w b' + w^2 b) = -T_S, J_b = J_L / share; the arm turns by q + b, its encoders see q
+Where the posture tells, J_b and the levers are those at the mount's own direction; replay sets each run's
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def link(building: Building, location: str, variant: str, p: Parameters) -> str:
 
 def neighbour(building: Building, location: str, variant: str, p: Parameters) -> str:
     """A neighbour's inertia on its own spring, which neither hammer nor accelerometer touches, or one that carries."""
-    if variant == "carrier":
+    if variant.startswith("carrier"):
         return mount(building, location, variant, p)
     _on_the_arm(building, "neighbour", min(p["modal_share"], 0.95) * building.inertia, p)
     return "body and joint 'neighbour'"
@@ -54,10 +55,18 @@ def mount(building: Building, location: str, variant: str, p: Parameters) -> str
         push = building.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="base")
         push.gear[0] = gear
     building.law("mount-sensor", turn=turn, slide=slide)
+    if "direction" in p:
+        eccentricity = p.get("eccentricity", 0.0)
+        building.law(
+            "mount-posture", direction=p["direction"], eccentricity=eccentricity, reach=p["percussion_radius"]
+        )
     return "joint 'base' and actuators 'mount torque', 'mount force'"
 
 
 def _levers(building: Building, variant: str, p: Parameters) -> tuple[float, float]:
+    if "direction" in p:
+        eccentricity = p.get("eccentricity", 0.0)
+        return eccentricity / (1.0 + eccentricity), p["percussion_radius"] / (1.0 + eccentricity)
     if variant == "sliding-mount":
         return 0.0, p["percussion_radius"]
     if variant == "carrier":

@@ -83,13 +83,24 @@ def drift(building: Building, location: str, variant: str, p: Parameters) -> str
 
 
 def kinematic_error(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """Delta = q_s + a sin(order angle + phase) - q."""
-    per_output = variant == "output-order"
-    building.law(
-        "transmission-error",
-        amplitude=p["amplitude"],
-        per_motor=0.0 if per_output else p["order"] * building.ratio,
-        per_load=p["order"] if per_output else 0.0,
-        phase=p["phase"],
-    )
+    """Delta = q_s + a sin(order angle + phase) - q, or a (sin x + h_s sin 2x + h_c cos 2x)."""
+    per_output = variant.startswith("output-order")
+    for amplitude, order, phase in lines_of(p):
+        building.law(
+            "transmission-error",
+            amplitude=amplitude,
+            per_motor=0.0 if per_output else order * building.ratio,
+            per_load=order if per_output else 0.0,
+            phase=phase,
+        )
     return ""
+
+
+def lines_of(p: Parameters) -> list[tuple[float, float, float]]:
+    """(amplitude, order, phase) of an order and, where its shares are given, of its second harmonic."""
+    lines = [(p["amplitude"], p["order"], p["phase"])]
+    sine, cosine = p.get("harmonic_sine", 0.0), p.get("harmonic_cosine", 0.0)
+    if sine or cosine:
+        second = 2.0 * p["phase"] + math.atan2(cosine, sine)
+        lines.append((p["amplitude"] * math.hypot(sine, cosine), 2.0 * p["order"], second))
+    return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -17,7 +18,8 @@ from jointscope.sim.replay_inputs import LoggedLoop
 
 Law = Mapping[str, Any]
 
-EDITS = ("payload", "stiffness-per-run", "cogging")
+EDITS = ("payload", "stiffness-per-run", "cogging", "mount-posture")
+_FELT_AT_LEAST = 0.05  # share of a mount's own direction below which it is next to invisible
 _SPRING_TENDONS = ("reducer spring",)
 
 
@@ -60,7 +62,9 @@ def physics_of(description: Mapping[str, Any]) -> Callable[[Run], Physics]:
             edit=edit,
             law=law,
             actuation=actuation,
-            acquisition=instruments([law for law in laws if law["kind"] in INSTRUMENTS], run, rig, offset),
+            acquisition=instruments(
+                [_posed(law, edits, run) for law in laws if law["kind"] in INSTRUMENTS], run, rig, offset
+            ),
         )
 
     return of
@@ -94,6 +98,15 @@ def _edit(spec: mujoco.MjSpec, law: Law, run: Run, frame: Frame) -> None:
         actuator = spec.actuator(law["actuator"])
         if actuator is not None:  # its phase counts from the encoder's zero, the model's from the horizontal
             actuator.biasprm[2] = law["phase"] + law["per_motor"] * frame.motor_zero
+    elif law["kind"] == "mount-posture":
+        felt, turn, slide = _felt(law, run)
+        mount = spec.joint("base")
+        factor = ((1.0 + law["eccentricity"]) / felt) ** 2
+        mount.armature *= factor
+        mount.stiffness[0] *= factor
+        mount.damping[0] *= factor
+        for name, gear in (("mount torque", turn - 1.0), ("mount force", slide)):
+            spec.actuator(name).gear[0] = gear
     elif law["kind"] == "payload":
         _load(spec, law["inertia"] * weight(law, run))
     else:
@@ -102,6 +115,24 @@ def _edit(spec: mujoco.MjSpec, law: Law, run: Run, frame: Frame) -> None:
         for element in elements:
             if element is not None:
                 element.stiffness[0] *= factor
+
+
+def _felt(law: Law, run: Run) -> tuple[float, float, float]:
+    """kappa + cos(q - q_e) in the run's posture, and the levers a [-] and b [m] with which the arm rides on the mount."""
+    cosine, eccentricity = math.cos(run.arm_angle - law["direction"]), float(law["eccentricity"])
+    felt = eccentricity + cosine
+    if abs(felt) < _FELT_AT_LEAST:
+        felt = math.copysign(_FELT_AT_LEAST, felt)
+    return felt, eccentricity / felt, law["reach"] * cosine / felt
+
+
+def _posed(law: Law, edits: list[Law], run: Run) -> Law:
+    """The law as it is in the run's posture."""
+    for entry in edits:
+        if entry["kind"] == "mount-posture" and law["kind"] == "mount-sensor":
+            _, turn, slide = _felt(entry, run)
+            return {**law, "turn": turn, "slide": slide}
+    return law
 
 
 def _load(spec: mujoco.MjSpec, inertia: float) -> None:

@@ -68,7 +68,9 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         if at_motor:
             for law in laws:
                 if law["kind"] == "drive-lag":
-                    record = _lagged(record, float(law["time_constant"]))
+                    record = (_looped if law.get("form") == "magnitude-optimum" else _lagged)(
+                        record, float(law["time_constant"])
+                    )
             record = _raised(record, torque_offset)
         return record
 
@@ -118,12 +120,28 @@ def _lagged(record: Record, time_constant: float) -> Record:
 
     def lagged(times: Real, derivative: int = 0) -> Real:
         u = record(times, derivative)
-        steps = time_constant * (len(times) - 1) / float(times[-1] - times[0])
-        kept = math.exp(-1.0 / steps)
-        now = 1.0 - steps * (1.0 - kept)
-        return np.asarray(u[0] + lfilter([now, 1.0 - kept - now], [1.0, -kept], u - u[0]), dtype=np.float64)
+        return np.asarray(u[0] + _delayed(u - u[0], times, time_constant).real, dtype=np.float64)
 
     return lagged
+
+
+def _looped(record: Record, time_constant: float) -> Record:
+    """1/(1 + s t + s^2 t^2/2): the real part of twice one of its two complex first-order stages."""
+    stage = 2.0 * time_constant / (2.0 - 2.0j)  # -1/p of the pole p = (-1 + 1j)/t
+    share = (-1.0j / time_constant) * stage  # its residue over -p
+
+    def looped(times: Real, derivative: int = 0) -> Real:
+        u = record(times, derivative)
+        return np.asarray(u[0] + 2.0 * (share * _delayed(u - u[0], times, stage)).real, dtype=np.float64)
+
+    return looped
+
+
+def _delayed(u: Real, times: Real, time_constant: complex) -> NDArray[np.complex128]:
+    steps = time_constant * (len(times) - 1) / float(times[-1] - times[0])
+    kept = np.exp(-1.0 / steps)
+    now = 1.0 - steps * (1.0 - kept)
+    return np.asarray(lfilter([now, 1.0 - kept - now], [1.0, -kept], u), dtype=np.complex128)
 
 
 _CONTACT_SHARE, _CONTACT_NOISE, _CONTACT_MARGIN, _LONGEST_CONTACT = 0.005, 6.0, 0.008, 0.25

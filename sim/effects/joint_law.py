@@ -2,7 +2,7 @@ r"""One force law for a run: what the transmission, the motor and the arm feel b
 
 reducer coordinate x = q - q_s:  T_S(Delta) + memories - what the MJCF's own spring gives
 motor:                           ripple in proportion to the torque
-dry friction:                    its level renewed before each step (excess at low speed, share of |T_S|)
+dry friction:                    its level renewed before each step (excess at low speed, share of |T_S|), or bristles
 arm:                             weight out of gravity's plane, a disturbance of known phase
 """
 
@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.sim.effects.transmission import MEMORIES, Spring
+from jointscope.sim.effects.transmission import MEMORIES, Spring, bristles
 from jointscope.sim.stepping import Actuation, ForceLaw
 
 Real = NDArray[np.float64]
@@ -25,7 +25,7 @@ Law = Mapping[str, Any]
 
 MECHANICS = (
     "transmission-error", "gap-damping", "stiffness-drift", *MEMORIES, "friction-level", "torque-ripple", "weight",
-    "external-vibration", "table",
+    "external-vibration", "table", "bristles", "stop-loss",
 )  # fmt: skip
 _ON_SPRING = ("transmission-error", "gap-damping", "stiffness-drift", *MEMORIES)
 
@@ -120,6 +120,10 @@ class _JointLaw:
             for law in by_kind["external-vibration"]
             if not law.get("mount")
         ]
+        self.bristles = [(law["at"] == "motor", bristles(law)) for law in by_kind["bristles"]]
+        self.stops = [
+            (float(law["side"]), float(law["angle"]), float(law["damping"])) for law in by_kind["stop-loss"]
+        ]
         self.levels = by_kind["friction-level"]
         self.share = any(law["share"] for law in self.levels)
         arm = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, "arm")
@@ -155,9 +159,15 @@ class _JointLaw:
                 force[self.motor] += share * self.gear * self.command.torque * math.sin(angle)
         if self.motor >= 0:
             force[self.motor] += self._tabled("motor", angle=q_s, speed=v_s)
+            force[self.motor] -= sum(part(t, q_s, v_s) for at_motor, part in self.bristles if at_motor)
         on_arm = self._tabled("load", angle=q_s + x, speed=v_s + v) - sum(
             moment * math.cos(q_s + x + phase) for moment, phase in self.pulls
         )
+        on_arm -= sum(part(t, q_s + x, v_s + v) for at_motor, part in self.bristles if not at_motor)
+        for side, angle, damping in self.stops:
+            depth = side * (q_s + x - angle)
+            if depth > 0.0:  # never a pull: the spring's own push is all that can be lost
+                on_arm -= depth * damping * (v_s + v)
         if t > 0.0:  # the rig is put to rest without it
             on_arm += sum(a * math.sin(w * (t + self.frame.origin) + phase) for a, w, phase in self.shakes)
         if on_arm:

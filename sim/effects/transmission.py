@@ -105,6 +105,26 @@ def _bouc_wen(z: float, travel: float) -> float:
     return sign * math.tanh(math.atanh(min(along, 1.0 - 1e-12)) + left)
 
 
+def bristles(law: Law) -> Part:
+    """T_c z with the travel over ``angle``: z' = 1 - s z/g, g = 1 + excess exp(-(v/speed)^2): LuGre without its damping."""
+    torque, angle = float(law["torque"]), float(law["angle"])
+    excess, speed = float(law["excess"]), float(law["speed"])
+    z, last = 0.0, 0.0
+
+    def part(t: float, position: float, rate: float) -> float:
+        nonlocal z, last
+        if t <= 0.0:
+            z, last = 0.0, position
+            return 0.0
+        travel = (position - last) / angle
+        last = position
+        g = 1.0 + excess * math.exp(-((rate / speed) ** 2)) if excess else 1.0
+        z = g * _dahl(z / g, travel / g)
+        return torque * z
+
+    return part
+
+
 def relaxation(law: Law) -> Part:
     """sum_i k (Delta - what has relaxed), each spring in line with a damper of time t_i; exact for a steady rate."""
     stiffness, times = float(law["stiffness"]), [float(t) for t in law["times"]]

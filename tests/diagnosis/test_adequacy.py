@@ -13,10 +13,10 @@ T = np.arange(5000) / RATE
 
 def repeat(data, drive):
     output = SimpleNamespace(
-        quantity="linear-acceleration", location="arm", direction="tangential", radius=0.9, rate=RATE, data=data,
+        quantity="linear-acceleration", location="arm", direction="tangential", radius=0.9, rate=RATE, step=None, data=data,
         mask=np.ones(len(data), bool),
     )  # fmt: skip
-    motor = SimpleNamespace(samples=drive, signal=SimpleNamespace(rate=RATE))
+    motor = SimpleNamespace(samples=drive, signal=SimpleNamespace(rate=RATE, step=None))
     return SimpleNamespace(
         run=SimpleNamespace(experiment="torque-sweep", brake=False), mode="observer", motor=motor, load=None,
         command=None, load_force=None, motor_torque=drive, speed_command=None, outputs=(output,),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
-from jointscope.diagnosis.acquisition import lagged, relogged
+from jointscope.diagnosis.acquisition import lagged, looped, relogged
 from jointscope.diagnosis.channels import mount_resonance, recorded
 from jointscope.diagnosis.effects import (
     DRIFT_PER_RUN,
@@ -19,6 +19,7 @@ from jointscope.diagnosis.effects import (
     catalogue,
     with_run_weights,
 )
+from jointscope.diagnosis.effects.periodic import harmonics
 from jointscope.diagnosis.predict import build, integrate, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 
@@ -249,6 +250,18 @@ def test_lag_has_the_gain_and_phase_of_a_first_order_law():
     np.testing.assert_allclose(y, np.imag(H * np.exp(2j * np.pi * f * t[4096:])), atol=2e-4)
 
 
+def test_a_tuned_current_loop_is_flat_and_late_as_a_delay_is():
+    """1/(1 + s t + s^2 t^2/2): |H| falls with the fourth power of the frequency only, the phase is that of a delay t."""
+    rate, tau = 8192.0, 1e-3
+    t = np.arange(8192) / rate
+    for f in (20.0, 60.0, 150.0):
+        s = 2j * np.pi * f * tau
+        H = 1.0 / (1.0 + s + s**2 / 2.0)
+        y = looped(np.sin(2 * np.pi * f * t), tau, rate)[4096:]
+        np.testing.assert_allclose(y, np.imag(H * np.exp(2j * np.pi * f * t[4096:])), atol=2e-3)
+    assert abs(1.0 / (1.0 + 0.2j + 0.2j**2 / 2.0)) == pytest.approx(1.0 - 0.2**4 / 8.0, abs=1e-5)
+
+
 @pytest.mark.parametrize(("kind", "log_rate"), [("averaged", 500.0), ("averaged", 250.0), ("held", 250.0)])
 def test_a_slow_log_is_undone_below_half_its_rate(kind, log_rate):
     """Averaging or holding a known torque and undoing it gives the torque back; ignoring it does not."""
@@ -323,6 +336,17 @@ def test_every_pair_of_mechanical_effects_runs_together(problem, truth):
         y = predict_outputs(run, truth, combined, problem)
         assert all(np.isfinite(a).all() for a in y)
         assert not np.array_equal(y[0], base[0])
+
+
+def test_an_order_and_its_harmonic_are_the_sum_that_the_law_says():
+    """a (sin x + h_s sin 2x + h_c cos 2x), x = order angle + phase, line by line."""
+    a, order, phase, sine, cosine = 2.0, 3.0, 0.7, 0.3, -0.4
+    angle = np.linspace(0.0, 5.0, 101)
+    x = order * angle + phase
+    lines = harmonics((a, order, phase, sine, cosine))
+    total = sum(b * np.sin(k_ * angle + p) for b, k_, p in lines)
+    np.testing.assert_allclose(total, a * (np.sin(x) + sine * np.sin(2 * x) + cosine * np.cos(2 * x)), atol=1e-12)
+    assert harmonics((a, order, phase)) == ((a, order, phase),)
 
 
 def test_a_latent_law_of_wind_up_is_a_spring_where_it_is_straight(problem, truth):

@@ -59,6 +59,14 @@ def test_without_held_out_runs_nothing_is_asked_of_them():
     assert replace(FOUND, held_gain=math.nan, expected_held=math.nan, foretold_held=math.nan, lost=math.nan).stands
 
 
+def test_a_stop_that_no_held_out_run_reaches_needs_more_in_the_fit_and_must_not_disturb_the_rest():
+    away = {"held_gain": -12.0, "lost": 12.0, "foretold_held": 2.0, "expected_held": 1310.0}
+    assert not replace(FOUND, gain=5227.0, **away).stands
+    assert replace(FOUND, gain=5227.0, unreached=True, **away).stands
+    assert not replace(FOUND, gain=150.0, unreached=True, **away).stands
+    assert not replace(FOUND, gain=5227.0, unreached=True, **{**away, "lost": 60.0}).stands
+
+
 def test_a_further_effect_needs_a_share_or_evidence_or_some_of_both():
     some = replace(FURTHER, gain=200.0, held_gain=90.0)  # 15 % of the parent's gain
     assert some.stands
@@ -112,6 +120,29 @@ def stand_in(name, variant, chi2=0.0, w=()):
         names=(name,), hypothesis=SimpleNamespace(specs=(spec,)), chi2=chi2, fit=SimpleNamespace(w=np.array(w)),
         left_held=(),
     )  # fmt: skip
+
+
+def test_a_set_must_beat_a_simpler_one_that_is_no_part_of_it_by_more_than_a_wrong_form_leaves(monkeypatch):
+    """Two effects 2 % ahead of one other effect: what a form that is a little wrong leaves pays for a second name."""
+    values = {(): 0.0, ("a@load",): 1000.0, ("b@load", "c@load"): 1020.0}
+    judged = [SimpleNamespace(names=names) for names in values]
+    judgement = SimpleNamespace(judged=judged, base=judged[0])
+    monkeypatch.setattr(verdict, "standing", lambda j: judged[1:])
+    monkeypatch.setattr(verdict, "score", lambda j, one: values[one.names])
+    monkeypatch.setattr(verdict, "contains", lambda outer, inner: False)
+    monkeypatch.setattr(verdict, "_belief", lambda j, best: [v for v, _ in best.values()])
+    monkeypatch.setattr(verdict, "compare", lambda *_: None)
+    assert rank(judgement)[0].names == ("a@load",)
+    values["b@load", "c@load"] = 1040.0
+    assert rank(judgement)[0].names == ("b@load", "c@load")
+
+
+def test_an_error_that_its_own_past_foretells_is_no_noise():
+    block = SimpleNamespace(key="k", base=0.05**2)
+    judgement = SimpleNamespace(noise=SimpleNamespace(blocks={"k": SimpleNamespace(marginal=12.0, sigma=2.0)}))
+    assert verdict.foreseen(judgement, SimpleNamespace(blocks=[block])) == pytest.approx(6.0)
+    faint = SimpleNamespace(key="k", base=0.01**2)
+    assert verdict.foreseen(judgement, SimpleNamespace(blocks=[faint])) == 0.0
 
 
 def test_a_law_contains_another_at_its_own_place_only():

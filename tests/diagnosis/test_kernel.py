@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from jointscope.diagnosis import kernel as k
 from jointscope.diagnosis.effects.transmission import branches
+from jointscope.diagnosis.kernel import laws as k_laws
 from jointscope.diagnosis.kernel.compiled import SOURCES, digest
 from jointscope.diagnosis.kernel.scalar_steps import simulate_plain
 
@@ -320,6 +321,21 @@ def test_presliding_friction_builds_up_over_its_angle_and_tends_to_coulombs():
     _, soft = run(P, S, x=(0, 0, 1e-3, 0), duration=0.3, rate=16384.0)
     _, dry = run(*packed(FRICTION_L=1, FL_PLUS=4.0, FL_MINUS=4.0), x=(0, 0, 1e-3, 0), duration=0.3, rate=16384.0)
     assert np.max(np.abs(soft[:, k.X_Q] - dry[:, k.X_Q])) < 2e-5
+
+
+def test_bristles_end_on_the_curve_of_their_speed_and_without_breakaway_are_dahls():
+    """After a travel of many y at a steady speed the friction is g(v) T; with no excess it is Dahl's at any speed."""
+    T, y, v_s = 30.0, 1e-5, 0.02
+    for v, level in ((0.001, 1.0 + 0.5 * np.exp(-0.0025)), (0.02, 1.0 + 0.5 * np.exp(-1.0)), (0.2, 1.0)):
+        P, S = packed(K=0.0, J_L=1e6, PRE_TORQUE=T, PRE_ANGLE=y, PRE_EXCESS=0.5, PRE_SPEED=v_s)
+        S[k.PRE_SITE] = k.AT_LOAD
+        _, out = run(P, S, x=(0, 0, 0, v), duration=0.5)
+        assert -1e6 * out[-1, k.X_A] == pytest.approx(T * level, rel=1e-3)
+    P, S = packed(PRE_TORQUE=4.0, PRE_ANGLE=1e-5, PRE_EXCESS=0.0, PRE_SPEED=1.0)
+    S[k.PRE_SITE] = k.AT_LOAD
+    z = 0.3
+    assert k_laws.bristle(z, 2e-6, 0.1, P) == pytest.approx(k_laws.hysteresis(z, 2e-6, 1e-5, k.DAHL), rel=1e-12)
+    assert k_laws.bristle(z, -2e-6, 0.1, P) == pytest.approx(k_laws.hysteresis(z, -2e-6, 1e-5, k.DAHL), rel=1e-12)
 
 
 def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):

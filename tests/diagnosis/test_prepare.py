@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.noise import quantum
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prepare import prepare, prepare_inputs
+from jointscope.diagnosis.run_preparation import thinned
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign, Nameplate, Run, Stream
 
@@ -231,6 +234,22 @@ def test_free_prediction_of_a_sweep_matches_the_recording(problem, truth):
     for output, y in zip(run.declared, free_prediction(run, truth, (), problem), strict=True):
         d = output.data[output.mask]
         assert np.sqrt(np.mean((d - y[output.mask]) ** 2)) < 0.01 * d.std()
+
+
+def test_a_fast_record_is_thinned_where_nothing_is_lost_and_left_where_it_clips(bench, problem):
+    """A tone below 400 Hz survives, one above does not; the recorder's step is remembered."""
+    output = next(o for o in problem.runs[-1].outputs if "acceleration" in o.quantity)
+    times = np.arange(8192) / 4096.0
+    tones = np.sin(2 * np.pi * 70.0 * times) + 0.5 * np.sin(2 * np.pi * 900.0 * times)
+    fast = replace(output, rate=4096.0, times=times, data=tones, mask=np.ones(8192, dtype=bool), step=None)
+    slow = thinned(fast, 1000.0)
+    assert slow.rate == 1024.0 and slow.times.size == 2048
+    inner = slice(64, -64)
+    np.testing.assert_allclose(slow.data[inner], np.sin(2 * np.pi * 70.0 * slow.times)[inner], atol=2e-3)
+    assert thinned(replace(fast, data=np.clip(tones, -1.0, 1.0)), 1000.0).rate == 4096.0
+    assert thinned(slow, 1000.0) is slow
+    steps = thinned(replace(fast, data=np.round(tones, 1)), 1000.0)
+    assert quantum(steps) == pytest.approx(0.1)
 
 
 def test_refuses_what_it_cannot_use(bench, builders):

@@ -13,7 +13,7 @@ def plain(n, lower=-np.inf, upper=np.inf):
     """Coordinates that are the parameters themselves."""
     return Coordinates(
         start=np.zeros(n), free=np.arange(n), effects=(), scale=np.ones(n), logarithm=np.zeros(n, bool),
-        lower=np.full(n, lower), upper=np.full(n, upper), step=np.full(n, 1e-6),
+        lower=np.full(n, lower), upper=np.full(n, upper), step=np.full(n, 1e-6), amplitudes=np.zeros(n, bool),
     )  # fmt: skip
 
 

@@ -3,8 +3,9 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from jointscope.diagnosis.screen import pair_gains, score, tangent
+from jointscope.diagnosis.screen import pair_gains, score, tangent, trial_effects
 
 
 def effect(lower=-1.0):
@@ -57,3 +58,18 @@ def test_pair_gain_is_the_two_amplitude_least_squares():
     both = np.column_stack([jacobian, *columns])
     left = w - both @ np.linalg.lstsq(both, w, rcond=None)[0]
     assert np.isclose(pair_gains(trials, parents.w)[0][0], w @ w - left @ left, rtol=1e-4)
+
+
+def test_sizes_below_the_smallest_are_tenths_of_it():
+    """A law with a threshold is tried decades below: its forces in proportion, its other numbers as they are."""
+    spec = SimpleNamespace(
+        amplitude=0,
+        scale=lambda problem: (1.0, 10.0, 100.0),
+        starts=lambda problem: ((20.0, 0.5),),
+        proportional=(1,),
+    )
+    found = [a.values for a in trial_effects(spec, None, (-2, -1, 0, 1))]
+    assert found == [
+        pytest.approx((0.01, 0.02, 0.5)), pytest.approx((0.1, 0.2, 0.5)), pytest.approx((1.0, 2.0, 0.5)),
+        pytest.approx((10.0, 20.0, 0.5)),
+    ]  # fmt: skip

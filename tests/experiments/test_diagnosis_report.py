@@ -134,7 +134,7 @@ def test_a_proposed_recording_comes_first_among_the_next_steps():
             "backlash@transmission from hysteresis@transmission",
             "backlash (lost motion) in the reducer from hysteresis",
         ),
-        ("gravity@load from nothing beside what the other candidates hold", "whether there is a gravity torque"),
+        ("whether gravity@load is there at all", "whether there is a gravity torque"),
     ],
 )
 def test_what_a_recording_tells_is_in_words(tells, words):
