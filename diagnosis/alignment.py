@@ -46,6 +46,22 @@ def aligned(problem: Problem, theta: Vector) -> Problem:
     return replace(problem, runs=tuple(runs))
 
 
+def realigned(problem: Problem, theta: Vector) -> Problem:
+    """The same once more near where the starts are, at parameters that were fitted: phases near a resonance need them."""
+    runs = []
+    for run in problem.runs:
+        for device in range(len(run.run.streams)):
+            if uncertain(run.run, device) > 0.0 and len(run.run.streams) > 1:
+                run = moved(run, device, _nearby(run, device, 0.0, problem, theta))
+        runs.append(run)
+    return replace(problem, runs=tuple(runs))
+
+
+def inexact(problem: Problem) -> bool:
+    """Whether any stream's start is known to be off."""
+    return any(uncertain(run.run, d) > 0.0 for run in problem.runs for d in range(len(run.run.streams)))
+
+
 def moved(run: PreparedRun, device: int, offset: float) -> PreparedRun:
     """The run with one device's samples taken ``offset`` [s] later than its stream says."""
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
@@ -75,19 +91,29 @@ def _later(signal: Bandlimited, offset: float) -> Bandlimited:
     )
 
 
-def _best(run: PreparedRun, device: int, width: float, problem: Problem, theta: Vector) -> PreparedRun:
-    def cost(offset: float) -> float:
-        trial = moved(run, device, offset)
-        total = 0.0
-        for output, y in zip(trial.outputs, predict_outputs(trial, theta, (), problem), strict=True):
-            data = output.data[output.mask]
-            error = float(np.mean((data - y[output.mask]) ** 2)) / (float(np.var(data)) + 1e-300)
-            total += math.log(error + 1e-12) if math.isfinite(error) else 50.0
-        return total
+def _cost(run: PreparedRun, device: int, offset: float, problem: Problem, theta: Vector) -> float:
+    """Sum over outputs of the logarithm of their error's share."""
+    trial = moved(run, device, offset)
+    total = 0.0
+    for output, y in zip(trial.outputs, predict_outputs(trial, theta, (), problem), strict=True):
+        data = output.data[output.mask]
+        error = float(np.mean((data - y[output.mask]) ** 2)) / (float(np.var(data)) + 1e-300)
+        total += math.log(error + 1e-12) if math.isfinite(error) else 50.0
+    return total
 
-    grid = np.arange(-width, width + _STEP, _STEP)
-    centre = float(grid[int(np.argmin([cost(float(offset)) for offset in grid]))])
+
+def _nearby(run: PreparedRun, device: int, centre: float, problem: Problem, theta: Vector) -> float:
+    """The best offset within a step of the grid [s]."""
     found = minimize_scalar(
-        cost, bounds=(centre - _STEP, centre + _STEP), method="bounded", options={"xatol": 1e-6}
+        lambda offset: _cost(run, device, offset, problem, theta),
+        bounds=(centre - _STEP, centre + _STEP),
+        method="bounded",
+        options={"xatol": 1e-6},
     )
-    return moved(run, device, float(found.x))
+    return float(found.x)
+
+
+def _best(run: PreparedRun, device: int, width: float, problem: Problem, theta: Vector) -> PreparedRun:
+    grid = np.arange(-width, width + _STEP, _STEP)
+    costs = [_cost(run, device, float(offset), problem, theta) for offset in grid]
+    return moved(run, device, _nearby(run, device, float(grid[int(np.argmin(costs))]), problem, theta))

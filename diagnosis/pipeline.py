@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
+from jointscope.diagnosis.alignment import inexact, realigned
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
@@ -27,6 +28,8 @@ from jointscope.diagnosis.verdict import Decision, decide, with_remainder, with_
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.prepare import Problem
+
+REALIGNED = 2  # times that inexact starts are found anew at the refitted base
 
 
 def silent(_: str) -> None:
@@ -83,6 +86,10 @@ def diagnose(
     split = split_runs(problem)
     report(f"refitting the base model to {len(split.estimate)} runs")
     stage = refit_base(problem, predict, split.estimate, pool)
+    for _ in range(REALIGNED if inexact(problem) else 0):
+        theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+        problem = realigned(problem, theta)
+        stage = refit_base(problem, predict, split.estimate, pool)
     screening, hypotheses = explore(stage, specs, effort, report)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.alignment import aligned, uncertain
+from jointscope.diagnosis.alignment import aligned, inexact
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.channels import high_pass
 from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
@@ -42,7 +42,7 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
     """The problem with start values, polarity, drive law, clocks of unknown start and typical sizes."""
     rig = campaign.rig
     problem = _started(rig, runs)
-    if any(uncertain(run.run, device) > 0.0 for run in runs for device in range(len(run.run.streams))):
+    if inexact(problem):
         problem = aligned(problem, problem.base.start)
         again = _started(rig, problem.runs, exact=True)
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
