@@ -10,10 +10,10 @@ from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
-from jointscope.diagnosis.channels import recorded as as_recorded
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
+from jointscope.diagnosis.resolution import TAIL, resolved, thinned
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
@@ -21,14 +21,11 @@ from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
 Vector = NDArray[np.float64]
 
 GRID_HITS, GRID_OTHERS = 4000.0, 2000.0  # Hz; the simulation grid is at least this fine
-KEPT_HITS, KEPT_OTHERS = 2000.0, 1000.0  # Hz; records of twice this rate and more are thinned to no less
-PLATEAU = 8  # samples at a record's very peak: it clips, and is left as it is
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
 SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
 COARSE = (
     0.5  # of a signal's dynamic rms: steps of a recorder above which its error follows the signal and is no noise
 )
-_TAIL = 8  # samples left out at the end, where the anti-aliasing kernel looks past the record
 INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
 
 
@@ -245,32 +242,8 @@ def _outputs(
             continue
         output = _output(signal, rig, run, mode, daq, observed, run.arm_angle)
         if output.observed or quantum(output) < COARSE * dynamic_level(output):
-            outputs.append(thinned(output, KEPT_HITS if run.experiment == "hammer" else KEPT_OTHERS))
+            outputs.append(thinned(output, hits=run.experiment == "hammer"))
     return tuple(outputs)
-
-
-def thinned(output: Output, least: float) -> Output:
-    """The record band-limited and thinned to a whole fraction of its rate, ``least`` [Hz] or more.
-
-    A joint rings below 100 Hz: on motions and sweeps what lies above 400 Hz is noise, and every simulation pays for it.
-    A record that has gaps or clips stays as it is.
-    """
-    step = int(output.rate // least)
-    if step < 2 or not output.data.size or not output.mask[:-_TAIL].all() or _clips(output):
-        return output
-    rate = output.rate / step
-    times = output.times[::step]
-    mask = np.ones(times.size, dtype=np.bool_)
-    mask[-_TAIL:] = False
-    data = as_recorded(output.data, output.rate, float(output.times[0]), times, rate)
-    return replace(output, rate=rate, times=times, data=data, mask=mask, step=quantum(output))
-
-
-def _clips(output: Output) -> bool:
-    """Whether an acceleration stays at its highest or lowest value for some samples."""
-    ends = (float(output.data.min()), float(output.data.max()))
-    often = max(np.count_nonzero(output.data == end) for end in ends)
-    return output.quantity in ACCELERATIONS and bool(often >= PLATEAU)
 
 
 SPEED_OF = {"angular-velocity": "angle", "velocity": "position"}
@@ -304,7 +277,9 @@ def _output(
     if angular and recorded and data.size:
         offset = _first(data) - angle * ((rig.reduction_ratio or 1.0) if motor else 1.0)
     if data.size > 64:
-        mask[-_TAIL:] = False
+        mask[-TAIL:] = False
+    if mode == "braked" and angular and recorded and data.size > 64:
+        mask &= resolved(data, signal.sampling_rate)
     if run.initial == "estimate":
         mask &= times >= (times[0] if times.size else 0.0) + SETTLING
     corner = None

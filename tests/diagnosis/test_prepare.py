@@ -13,7 +13,7 @@ from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.noise import quantum
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prepare import prepare, prepare_inputs
-from jointscope.diagnosis.run_preparation import thinned
+from jointscope.diagnosis.resolution import resolved, thinned
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign, Nameplate, Run, Stream
 
@@ -242,14 +242,25 @@ def test_a_fast_record_is_thinned_where_nothing_is_lost_and_left_where_it_clips(
     times = np.arange(8192) / 4096.0
     tones = np.sin(2 * np.pi * 70.0 * times) + 0.5 * np.sin(2 * np.pi * 900.0 * times)
     fast = replace(output, rate=4096.0, times=times, data=tones, mask=np.ones(8192, dtype=bool), step=None)
-    slow = thinned(fast, 1000.0)
+    slow = thinned(fast, hits=False)
     assert slow.rate == 1024.0 and slow.times.size == 2048
     inner = slice(64, -64)
     np.testing.assert_allclose(slow.data[inner], np.sin(2 * np.pi * 70.0 * slow.times)[inner], atol=2e-3)
-    assert thinned(replace(fast, data=np.clip(tones, -1.0, 1.0)), 1000.0).rate == 4096.0
-    assert thinned(slow, 1000.0) is slow
-    steps = thinned(replace(fast, data=np.round(tones, 1)), 1000.0)
+    assert thinned(replace(fast, data=np.clip(tones, -1.0, 1.0)), hits=False).rate == 4096.0
+    assert thinned(slow, hits=False) is slow
+    steps = thinned(replace(fast, data=np.round(tones, 1)), hits=False)
     assert quantum(steps) == pytest.approx(0.1)
+
+
+def test_a_decay_below_the_encoders_step_is_not_scored():
+    """In steps, the tail of a ring-down stands still, which dry friction would explain; unstepped it is all there."""
+    t = np.arange(4096) / 1024.0
+    decay = 1e-3 * np.exp(-3.0 * t) * np.sin(2 * np.pi * 30.0 * t)
+    step = 4e-5
+    coarse = resolved(step * np.round(decay / step), 1024.0)
+    gone = np.log(1e-3 / (1.25 * step)) / 3.0  # the swing is two steps and a half wide there
+    assert coarse[t < gone - 0.2].all() and not coarse[t > gone + 0.2].any()
+    assert resolved(decay, 1024.0).all()
 
 
 def test_refuses_what_it_cannot_use(bench, builders):
