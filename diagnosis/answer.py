@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointscope.diagnosis.adjudicate import Comparison, Judged, compare
+from jointscope.diagnosis.adjudicate import Judged, compare
 from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
+from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.held_out_detail import held_out_detail
 from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.power import unseen_json

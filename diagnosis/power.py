@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import MATERIAL, REAL, REAL_FURTHER, SHARES, Judged, Judgement
+from jointscope.diagnosis.adjudicate import Judged, Judgement
 from jointscope.diagnosis.base import representative
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.gates import MATERIAL, REAL, REAL_FURTHER, SHARES
 from jointscope.diagnosis.noise import dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions
 

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import AS_FORETOLD, HELD, MATERIAL, Judged, Judgement
+from jointscope.diagnosis.adjudicate import Judged, Judgement
+from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL
 from jointscope.diagnosis.noise import ANGULAR, Key, block_key, dynamic_level
 from jointscope.diagnosis.objective import Objective
 

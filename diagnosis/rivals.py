@@ -20,10 +20,14 @@ Vector = NDArray[np.float64]
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
 )
-FREER = {  # laws of more parameters that start where a plainer one of the same thing was found
-    "base-compliance": ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned"),
-    "transmission-error": ("motor-order-harmonic", "output-order-harmonic"),
-    "torque-ripple": ("cogging-harmonic",),
+_CARRIERS = ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned")
+FREER = {  # by variant, the laws of more parameters that start where it was found
+    "turning-mount": _CARRIERS,
+    "sliding-mount": _CARRIERS[1:],
+    "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
+    "motor-order": ("motor-order-harmonic",),
+    "output-order": ("output-order-harmonic",),
+    "cogging": ("cogging-harmonic",),
 }
 
 
@@ -111,10 +115,7 @@ def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[
 
 def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
     """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
-    variants = FREER.get(leader.spec.name, ())
-    if leader.spec.family == "periodic":
-        variants = tuple(v for v in variants if v == f"{leader.spec.variant}-harmonic")
-    wider = [c for c in candidates if c.spec.variant in variants and c.spec is not leader.spec]
+    wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
     for active in _same_numbers(wider, leader):
         groups.setdefault(id(active.spec), []).append(active)

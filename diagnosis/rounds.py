@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import MATERIAL, PROFILED, error_energies, improvement, profiled
+from jointscope.diagnosis.adjudicate import PROFILED, error_energies, improvement, profiled
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
+from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs

@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from jointscope.diagnosis.adequacy import Adequacy, adequacy
-from jointscope.diagnosis.adjudicate import OF_PARENT, Comparison, Judged, Judgement, compare, score, standing
+from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.gates import OF_PARENT, Comparison
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
 

@@ -71,17 +71,34 @@ class Spring:
 
 def hysteresis(law: Law) -> Part:
     """T z with the travel over ``angle``: z' = 1 - s z (Dahl) or, Bouc-Wen with nu = 2, 1 - z^2 while loading."""
-    torque, angle, dahl = float(law["torque"]), float(law["angle"]), law["form"] == "dahl"
+    follow = _dahl if law["form"] == "dahl" else _bouc_wen
+    return _by_travel(law, lambda z, travel, rate: follow(z, travel))
+
+
+def bristles(law: Law) -> Part:
+    """T z with the travel over ``angle``: z' = 1 - s z/g, g = 1 + excess exp(-(v/speed)^2): LuGre without its damping."""
+    excess, speed = float(law["excess"]), float(law["speed"])
+
+    def follow(z: float, travel: float, rate: float) -> float:
+        g = 1.0 + excess * math.exp(-((rate / speed) ** 2))
+        return g * _dahl(z / g, travel / g)
+
+    return _by_travel(law, follow)
+
+
+def _by_travel(law: Law, follow: Callable[[float, float, float], float]) -> Part:
+    """``torque`` times a state that ``follow``s (state, travel over ``angle``, rate) and is 0 where the run begins."""
+    torque, angle = float(law["torque"]), float(law["angle"])
     z, last = 0.0, 0.0
 
-    def part(t: float, delta: float, rate: float) -> float:
+    def part(t: float, position: float, rate: float) -> float:
         nonlocal z, last
         if t <= 0.0:
-            z, last = 0.0, delta
+            z, last = 0.0, position
             return 0.0
-        travel = (delta - last) / angle
-        last = delta
-        z = _dahl(z, travel) if dahl else _bouc_wen(z, travel)
+        travel = (position - last) / angle
+        last = position
+        z = follow(z, travel, rate)
         return torque * z
 
     return part
@@ -103,26 +120,6 @@ def _bouc_wen(z: float, travel: float) -> float:
         if along < 0.0:
             return sign * along
     return sign * math.tanh(math.atanh(min(along, 1.0 - 1e-12)) + left)
-
-
-def bristles(law: Law) -> Part:
-    """T_c z with the travel over ``angle``: z' = 1 - s z/g, g = 1 + excess exp(-(v/speed)^2): LuGre without its damping."""
-    torque, angle = float(law["torque"]), float(law["angle"])
-    excess, speed = float(law["excess"]), float(law["speed"])
-    z, last = 0.0, 0.0
-
-    def part(t: float, position: float, rate: float) -> float:
-        nonlocal z, last
-        if t <= 0.0:
-            z, last = 0.0, position
-            return 0.0
-        travel = (position - last) / angle
-        last = position
-        g = 1.0 + excess * math.exp(-((rate / speed) ** 2)) if excess else 1.0
-        z = g * _dahl(z / g, travel / g)
-        return torque * z
-
-    return part
 
 
 def relaxation(law: Law) -> Part:

@@ -6,29 +6,21 @@ proof's bands say how visible a case is, not how distinct from its look-alikes. 
 
 from __future__ import annotations
 
-import json
-import multiprocessing
-import os
-import shutil
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from jointscope.atomic import replaced_file, write_text
-from jointscope.errors import InputError, JointscopeError
-from jointscope.progress import track
-from jointscope.sim.concealed.seal import folder_digest, seal, unseal, write_seal
+from jointscope.sim.concealed.seal import folder_digest
+from jointscope.sim.draws import Draw, make_draw
 from jointscope.sim.outside.case import Case, Concealed, draw_case
 from jointscope.sim.outside.intent import OrderKind, intent_of
 from jointscope.sim.outside.paperwork import paper_of, write_case
 from jointscope.sim.outside.sensing import Record
 
-ORDER: Final = "draw.json"
-PARTS: Final = ".parts"
 ENGINE: Final = "outside"
 REDRAWN: Final = 4  # times that a case which flies apart is drawn anew
 
@@ -55,73 +47,9 @@ def case_name(order: Order, index: int) -> str:
 
 
 def produce(order: Order, folder: Path, workers: int = 1) -> str:
-    """Write ``order``'s cases into ``folder`` and seal their truth; finished cases are kept when it is run again.
-
-    Returns:
-        SHA-256 of the seal.
-
-    Raises:
-        InputError: The folder holds another draw.
-        JointscopeError: Cases failed; the others are kept.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    _claim(order, folder)
-    (folder / PARTS).mkdir(exist_ok=True)
-    todo = [i for i in range(order.cases) if not _finished(folder, case_name(order, i))]
-    failed = [said for said in track(_work(order, folder, todo, workers), "concealing", len(todo)) if said]
-    if failed:
-        raise JointscopeError(f"{len(failed)} of {order.cases} cases failed, the others are kept: {failed[0]}")
-    cases = {}
-    for index in range(order.cases):
-        part = folder / PARTS / f"{case_name(order, index)}.sealed"
-        cases[case_name(order, index)] = unseal(part.read_bytes(), part)
-    truth = {"format": "jointscope-truth/1", "order": order.as_json, "cases": dict(sorted(cases.items()))}
-    return write_seal(folder, truth)
-
-
-def _claim(order: Order, folder: Path) -> None:
-    """The number of cases may grow; nothing else may change."""
-    file = folder / ORDER
-    if file.is_file():
-        held = json.loads(file.read_text(encoding="utf-8"))
-        for key, value in order.as_json.items():
-            if key != "cases" and held.get(key) != value:
-                raise InputError(file, key, f"this folder holds another draw than {value!r}", value=held.get(key),
-                                 fix="choose another --out")  # fmt: skip
-    elif any(folder.iterdir()):
-        raise InputError(folder, None, "isn't empty and holds no draw", fix="choose another --out")
-    write_text(file, json.dumps(order.as_json) + "\n")
-
-
-def _finished(folder: Path, name: str) -> bool:
-    return (folder / PARTS / f"{name}.sealed").is_file() and (folder / name / "campaign.toml").is_file()
-
-
-def _work(order: Order, folder: Path, todo: list[int], workers: int) -> Iterator[str]:
-    tasks = [(order, index, str(folder)) for index in todo]
-    if workers <= 1 or len(tasks) <= 1:
-        yield from map(_one, tasks)
-        return
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context) as pool:
-        yield from pool.map(_one, tasks)
-
-
-def _one(task: tuple[Order, int, str]) -> str:
-    """Make one case; what went wrong, or nothing."""
-    order, index, folder = task
-    name = case_name(order, index)
-    directory = Path(folder) / name
-    if directory.is_dir():  # written, but its truth was lost with the process
-        shutil.rmtree(directory)
-    try:
-        truth = make_case(order, index, directory)
-    except Exception as problem:  # of any kind: the other cases don't depend on it
-        return f"case {index} of seed {order.seed} ({ENGINE}): {problem!r}"
-    with replaced_file(Path(folder) / PARTS / f"{name}.sealed") as temporary:
-        temporary.write_bytes(seal(truth))
-    return ""
+    """Write ``order``'s cases into ``folder`` and seal their truth (see :func:`jointscope.sim.draws.make_draw`)."""
+    names = tuple(case_name(order, index) for index in range(order.cases))
+    return make_draw(Draw(order.as_json, names, partial(make_case, order)), folder, workers)
 
 
 def make_case(order: Order, index: int, directory: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import verdict
-from jointscope.diagnosis.adjudicate import REAL, UNASKED, Comparison
+from jointscope.diagnosis.gates import REAL, UNASKED, Comparison
 from jointscope.diagnosis.parameters import bounded, near_nameplate
 from jointscope.diagnosis.verdict import TEMPERATURE, contains, distance, rank, temperature
 

@@ -223,10 +223,7 @@ PLAN = SingleJointPlan(
     timestep=1e-4,
 )
 # what the reduced model does coarser than MuJoCo here, as a share of the effect
-COARSE = {
-    "sensor-resonance": 0.2, "transmission-error": 0.25, "delay": 0.8, "clock-drift": 0.8,
-    "coulomb-friction": 0.08, "stribeck-friction": 0.08,  # its grid in sweeps and motions is 2 kHz
-}  # fmt: skip
+COARSE = {"sensor-resonance": 0.2, "transmission-error": 0.25, "delay": 0.8, "clock-drift": 0.8}
 ANOTHER_MEANING = ("external-vibration",)  # its phase in a run is no input
 
 

@@ -1,0 +1,89 @@
+"""What a child must show over its parent: beyond chance, in runs that were not fitted, and enough to matter."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+REAL = 30.0  # nats beyond the Occam cost: on five draws nothing below 50 was named right, on an outside null 43 nats were wrong
+UNASKED = 0.5  # of what is asked of the fitted runs, where the held-out ones give all of it by themselves
+REAL_FURTHER = 25.0  # the same of any further effect, which has the rest of an imperfect law to feed on
+OF_PARENT = (
+    0.03  # and of the parent's own gain over the base, less where the parent explains nothing of that channel
+)
+IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
+CARRIES_OVER = 0.06  # held-out gain over what the same kind of runs gained in the fit, per sample
+AS_FORETOLD = 0.3  # and over what a true child would gain there
+AGREES = 0.7  # of what was foretold, with which nothing in proportion is asked: not all runs show an effect alike
+TELLING = 15.0  # nats that must be foretold for that
+HELD = 3.0  # nats that held-out runs must gain at least
+LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain, or due
+MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
+SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
+SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
+REAL_UNREACHED = 200.0  # nats asked of the fitted runs then
+LOST_UNREACHED = 30.0  # nats that the held-out runs may lose then: the base's parameters move a little
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A child against a parent.
+
+    Attributes:
+        gain: Likelihood gain on the fitted runs net of Occam [nats].
+        held_gain: On the held-out runs [nats]; ``nan`` without any.
+        expected_held: What the gain of each kind of fitted runs would make of it, sample for sample [nats].
+        foretold_held: Half the squared distance of the two predictions of the held-out runs, whitened: what the gain
+            there is on average if the child is true, and the loss if its parent is [nats].
+        share_of_runs: Held-out runs that gain.
+        lost: Nats of the held-out runs that lose, positive.
+        material: Largest rms of what the child explains beyond the parent, over the signal's, of any channel [-].
+        share: The same over what the child explains beyond the base, in that channel [-].
+        parents: Effects of the parent: a further effect must explain more, since what a law of the right name but the
+            wrong form leaves is always explained by something.
+        parent_gain: The parent's gain over the base, fitted and held out [nats].
+        unreached: Whether the child adds an effect of one place (a stop) that no held-out run reaches.
+    """
+
+    gain: float
+    held_gain: float
+    expected_held: float
+    foretold_held: float
+    share_of_runs: float
+    lost: float
+    material: float
+    share: float
+    parents: int
+    parent_gain: float
+    unreached: bool = False
+
+    @property
+    def real(self) -> bool:
+        """Beyond chance on the fitted runs, or half so on them where the held-out ones are by themselves."""
+        of_parent = OF_PARENT * self.parent_gain * (1.0 - self.share**2)
+        needed = REAL if self.parents == 0 else max(REAL_FURTHER, of_parent)
+        return self.gain > needed or (self.gain > UNASKED * needed and self.held_gain > needed)
+
+    @property
+    def carries_over(self) -> bool:
+        """Held-out runs agree; vacuous without any."""
+        if math.isnan(self.held_gain):
+            return True
+        if self.unreached:
+            return self.gain > REAL_UNREACHED and self.lost < LOST_UNREACHED
+        due = max(self.held_gain + self.lost, self.foretold_held)
+        agrees = self.foretold_held > TELLING and self.held_gain > AGREES * self.foretold_held
+        proportion = 0.0 if agrees else CARRIES_OVER * self.expected_held
+        enough = max(HELD, proportion, AS_FORETOLD * self.foretold_held)
+        return self.held_gain > enough and self.lost < LOSING * due
+
+    @property
+    def stands(self) -> bool:
+        """Real, carried over and material."""
+        held = 0.0 if math.isnan(self.held_gain) else self.held_gain
+        much = self.gain + held > IN_EVIDENCE * self.parent_gain
+        needed = SHARES[min(self.parents, len(SHARES) - 1)]
+        both = self.share > SHARE_AND_EVIDENCE[0] and self.gain + held > SHARE_AND_EVIDENCE[1] * self.parent_gain
+        return (
+            self.real and self.carries_over and self.material > MATERIAL and (self.share > needed or much or both)
+        )
