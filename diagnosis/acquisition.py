@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
 
-from jointscope.recordings.bandlimited import Bandlimited, bandlimited
+from jointscope.recordings.bandlimited import Bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly, Chain
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+_CONTINUED = 256  # samples of the log by which it is continued past its ends
 _WEAKEST = 0.3  # an average's transfer is not divided by less than this
 
 
@@ -47,14 +49,12 @@ def driven_torque(assembly: Assembly) -> Vector:
     run, chain = assembly.run, assembly.chain
     if run.motor is None:
         return run.motor_half
-    if math.isfinite(chain.log_rate):
-        samples = relogged(run.motor.samples, run.motor.signal.rate, chain.log_rate, chain.log_kind)
-        signal = bandlimited(samples, run.motor.signal.rate, run.motor.signal.start)
-        torque = shifted(signal, run, chain) if run.late_motor else shifted(signal, run, type(chain)())
-    elif run.late_motor and (chain.delay != 0.0 or chain.clock != 0.0):
+    if run.late_motor and (chain.delay != 0.0 or chain.clock != 0.0):
         torque = shifted(run.motor.signal, run, chain)
     else:
         torque = run.motor_half
+    if math.isfinite(chain.log_rate):
+        torque = relogged(torque, 2.0 * run.grid_rate, run.motor.signal.rate, chain.log_rate, chain.log_kind)
     for time_constant in chain.lags:
         torque = lagged(torque, time_constant, 2.0 * run.grid_rate)
     if chain.loop > 0.0:
@@ -85,35 +85,36 @@ def looped(u: Vector, time_constant: float, rate: float) -> Vector:
     return np.asarray(u[0] + lfilter(b.ravel(), a.ravel(), u - u[0]), dtype=np.float64)
 
 
-def relogged(samples: Vector, rate: float, log_rate: float, kind: str) -> Vector:
-    """The signal that a log held, averaged or thinned out at ``log_rate`` [Hz] stands for, at its stream's rate.
+def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: str) -> Vector:
+    """The signal that a log held, averaged or thinned out at ``log_rate`` [Hz] stands for; shape of ``u``.
 
     Args:
-        samples: As logged at ``rate`` [Hz], shape (n,).
-        rate: The stream's.
+        u: The log, sampled or interpolated at ``rate`` [Hz], shape (n,).
+        rate: Of ``u``.
+        stream_rate: Of the log's file.
         log_rate: The log's own.
         kind: ``held`` (a staircase), ``averaged`` (mean over the last interval) or ``aliased`` (thinned without a
             filter, then drawn with straight lines).
     """
-    n = samples.size
     window = 1.0 / log_rate
-    pad = min(n - 1, 256)
-    padded = np.concatenate([np.full(pad, samples[0]), samples, np.full(pad, samples[-1])])
+    pad = min(u.size - 1, math.ceil(_CONTINUED * rate / stream_rate))
+    size_of = next_fast_len(u.size + 2 * pad, real=True)
+    padded = np.concatenate([np.full(pad, u[0]), u, np.full(size_of - u.size - pad, u[-1])])
     ramp = np.linspace(padded[0], padded[-1], padded.size)
-    spectrum = np.fft.rfft(padded - ramp)
-    f = np.asarray(np.fft.rfftfreq(padded.size, 1.0 / rate), dtype=np.float64)
+    spectrum = rfft(padded - ramp)
+    f = np.asarray(rfftfreq(padded.size, 1.0 / rate), dtype=np.float64)
     size = np.sinc(f * window)
     delay = 0.5 * window
     if kind == "held":
-        delay = 0.5 * max(window - 1.0 / rate, 0.0)  # the sample at the update itself is on time
-        size = _dirichlet(f, window, rate)
+        delay = 0.5 * max(window - 1.0 / stream_rate, 0.0)  # the sample at the update itself is on time
+        size = _dirichlet(f, window, stream_rate)
     elif kind == "aliased":
         size = size**2
         delay = 0.0
     inverse = np.exp(2j * np.pi * f * delay) / np.maximum(np.abs(size), _WEAKEST)
-    inverse = np.where(f <= 0.5 * log_rate, inverse, 0.0 if log_rate < rate else 1.0)
-    restored = np.fft.irfft(spectrum * inverse, padded.size) + ramp
-    return np.asarray(restored[pad : pad + n], dtype=np.float64)
+    inverse = np.where(f <= 0.5 * log_rate, inverse, 0.0 if log_rate < stream_rate else 1.0)
+    restored = irfft(spectrum * inverse, padded.size) + ramp
+    return np.asarray(restored[pad : pad + u.size], dtype=np.float64)
 
 
 def _dirichlet(f: Vector, window: float, rate: float) -> Vector:

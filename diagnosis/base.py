@@ -13,6 +13,7 @@ from jointscope.diagnosis.input_noise import inlet
 from jointscope.diagnosis.noise import NoiseModel, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.resolution import clips
 from jointscope.diagnosis.split import content_order, level
 from jointscope.diagnosis.whiten import estimate_noise
 
@@ -49,6 +50,7 @@ def representative(problem: Problem, positions: tuple[int, ...], hits: int, othe
     """Positions that span the levels: at most ``hits`` of the hammer and ``others`` of any other experiment.
 
     The runs that reach farthest to either side are added where the chosen ones stay short of them: a stop is met there.
+    So is a run whose record clips, where none of the chosen ones does.
     """
     strata: dict[tuple[str, bool], list[int]] = {}
     for i in content_order(problem.runs):
@@ -62,6 +64,11 @@ def representative(problem: Problem, positions: tuple[int, ...], hits: int, othe
         spread = np.linspace(0, len(members) - 1, count) if count > 1 else [0.5 * (len(members) - 1)]
         chosen.extend(members[round(j)] for j in spread)
     chosen.extend(_farthest(problem, positions, chosen))
+    clipped = [
+        i for i in content_order(problem.runs) if i in positions and any(map(clips, problem.runs[i].outputs))
+    ]
+    if clipped and not set(clipped) & set(chosen):
+        chosen.append(max(clipped, key=lambda i: level(problem.runs[i])))
     return tuple(i for i in positions if i in chosen)
 
 

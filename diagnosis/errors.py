@@ -45,6 +45,11 @@ class ChannelError:
     floor: float
 
 
+def said(error: float | None) -> str:
+    """A relative error for people; silent channels have none."""
+    return "not known" if error is None else f"{error:.4f}"
+
+
 def rms(x: Vector) -> float:
     """Root of the mean square; 0 of nothing."""
     return float(np.sqrt(np.mean(np.square(x)))) if x.size else 0.0
@@ -58,12 +63,25 @@ def relative_error(quantity: str, recorded: Vector, predicted: Vector) -> float:
     return rms(recorded - predicted) / reference
 
 
+def compared(run: PreparedRun, declared: Output) -> Output:
+    """The channel as it was compared, thinned perhaps; the declared one where it was not compared at all."""
+    return next((o for o in run.outputs if o.channel == declared.channel), declared)
+
+
+def _beyond(whole: Output, thin: Output) -> float:
+    """Mean square of what thinning took off a record, which no model predicts [the output's unit squared]."""
+    if thin.recorded_rate is None or whole.quantity in ANGULAR or whole.data.size == 0:
+        return 0.0
+    return max(float(np.var(whole.data)) - float(np.var(thin.data)), 0.0)
+
+
 def floor_of(run: PreparedRun, output: Output, noise: NoiseModel, predicted: Vector) -> float:
     """RMS of what a perfect model leaves: the block's noise and, for hits, gain and timing scatter [output's unit]."""
-    block = noise.blocks.get(block_key(run, output))
+    thin = compared(run, output)
+    block = noise.blocks.get(block_key(run, thin))
     if block is None:
         return float("nan")
-    variance = block.marginal**2
+    variance = block.marginal**2 + _beyond(output, thin)
     if is_hit(run):
         departure = predicted - predicted[0]
         variance += (noise.gain * rms(departure)) ** 2 + (

@@ -41,6 +41,7 @@ class Output:
             the mean difference.
         channel: Position of (stream, channel) in the run.
         step: The recorder's, where the record was thinned and no longer sits on its grid [the channel's unit].
+        recorded_rate: Before it was thinned [Hz]; ``None`` where it was not.
     """
 
     quantity: str
@@ -65,6 +66,7 @@ class Output:
     floating: bool = False
     channel: tuple[int, int] = (0, 0)
     step: float | None = None
+    recorded_rate: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,18 +27,21 @@ def thinned(output: Output, *, hits: bool) -> Output:
     A record that has gaps or clips stays as it is.
     """
     step = int(output.rate // (KEPT_HITS if hits else KEPT_OTHERS))
-    if step < 2 or not output.data.size or not output.mask[:-TAIL].all() or _clips(output):
+    if step < 2 or not output.data.size or not output.mask[:-TAIL].all() or clips(output):
         return output
     rate = output.rate / step
     times = output.times[::step]
     mask = np.ones(times.size, dtype=np.bool_)
     mask[-TAIL:] = False
     data = recorded(output.data, output.rate, float(output.times[0]), times, rate)
-    return replace(output, rate=rate, times=times, data=data, mask=mask, step=quantum(output))
+    step_of = quantum(output)
+    return replace(output, rate=rate, times=times, data=data, mask=mask, step=step_of, recorded_rate=output.rate)
 
 
-def _clips(output: Output) -> bool:
+def clips(output: Output) -> bool:
     """Whether an acceleration stays at its highest or lowest value for some samples."""
+    if not output.data.size:
+        return False
     ends = (float(output.data.min()), float(output.data.max()))
     often = max(np.count_nonzero(output.data == end) for end in ends)
     return output.quantity in ACCELERATIONS and bool(often >= PLATEAU)

@@ -1,19 +1,35 @@
-"""Sets next to a leading one that the screening may have missed: look-alikes in its place, laws that hold its laws."""
+"""Sets next to a leading one that the screening may have missed: look-alikes in its place, laws that hold its laws.
+
+Other laws of the same name are tried from its numbers too: what a law of the right name and a wrong form leaves is always
+explained by something.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
-from jointscope.diagnosis.search import CONTAINED, Effort, Hypothesis, fit_child, name_of, names_of, profile_loss
+from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
+from jointscope.diagnosis.search import (
+    CONTAINED,
+    Effort,
+    Hypothesis,
+    at_own_size,
+    fit_child,
+    name_of,
+    names_of,
+    profile_loss,
+)
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
-    from jointscope.diagnosis.refit import Fit
 
 Vector = NDArray[np.float64]
 
@@ -62,7 +78,7 @@ def rivals(
             if not trials:
                 continue
             trials.extend(_same_numbers(trials, effects[position]))
-            active = _nearest(objective, theta, others, trials)
+            active = _telling(objective, without(objective, leader.fit, position), trials)
             done.add(names_of((*kept, active.spec)))
             fit = fit_child(objective, base, [*others, active], effort, [theta])
             if fit is not None:
@@ -90,10 +106,44 @@ def grown(
         ]
         if any(t.spec.parameters[0].name != spec.parameters[0].name for t in trials):
             trials = []
+        trials.extend(_same_shape(trials, effects[position]))
         for group in (trials, *_freer(candidates, effects[position])):
             if not group:
                 continue
             active = _nearest(objective, theta, others, group)
+            fit = fit_child(objective, base, [*others, active], effort, [theta])
+            if fit is not None:
+                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+    return found
+
+
+def reshaped(
+    objective: Objective,
+    base: Fit,
+    leader: Hypothesis,
+    candidates: Sequence[ActiveEffect],
+    hypotheses: Sequence[Hypothesis],
+    effort: Effort,
+) -> list[Hypothesis]:
+    """Fit the other laws of the leader's names from its own numbers, where none of ``hypotheses`` is as near."""
+    found: list[Hypothesis] = []
+    far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+    done = {frozenset(id(s) for s in h.specs) for h in hypotheses if h.loss < far}
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    for position, spec in enumerate(leader.specs):
+        if spec.family == "periodic":  # an order of the motor is no number for one of the arm
+            continue
+        others = tuple(e for k, e in enumerate(effects) if k != position)
+        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
+        freer = FREER.get(spec.variant, ())
+        laws: dict[int, list[ActiveEffect]] = {}
+        for trial in candidates:
+            if name_of(trial.spec) == name_of(spec) and trial.spec is not spec and trial.spec.variant not in freer:
+                laws.setdefault(id(trial.spec), []).append(trial)
+        for trials in laws.values():
+            if frozenset(id(s) for s in (*kept, trials[0].spec)) in done:
+                continue
+            active = _nearest(objective, theta, others, [*_same_numbers(trials, effects[position]), *trials])
             fit = fit_child(objective, base, [*others, active], effort, [theta])
             if fit is not None:
                 found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
@@ -129,6 +179,38 @@ def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:
         values[place] *= force / values[0] if values[0] else 1.0
     values[0] = force
     return ActiveEffect(spec, tuple(values))
+
+
+def _same_shape(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
+    """The trials of laws that have a shape's parameter of the leader's, with its value."""
+    known = dict(zip((p.name for p in leader.spec.parameters[1:]), leader.values[1:], strict=True))
+    return [
+        ActiveEffect(t.spec, tuple(known.get(p.name, v) for p, v in zip(t.spec.parameters, t.values, strict=True)))
+        for t in trials
+        if any(p.name in known for p in t.spec.parameters)
+    ]
+
+
+def without(objective: Objective, fit: Fit, position: int) -> Fit:
+    """The fit with its effect at ``position`` switched off and nothing refitted; its columns are those of the whole."""
+    theta, effects = fit.coordinates.unpack(fit.x)
+    kept = tuple(e for k, e in enumerate(effects) if k != position)
+    where = coordinates(objective.problem, tuple(e.spec for e in kept))
+    x = where.pack(theta, kept)
+    columns = np.delete(fit.jacobian, fit.coordinates.effect_slices()[position], axis=1)
+    return Fit(where, x, objective.residual(x, where), columns, math.nan, False, False, 1)
+
+
+def _telling(objective: Objective, parent: Fit, trials: Sequence[ActiveEffect]) -> ActiveEffect:
+    """The trial that explains most beside the parent's free parameters, at the size it asks for.
+
+    A law that stiffens the joint is far from the data before the stiffness has followed.
+    """
+    parents = tangent(parent.w, parent.jacobian)
+    best = best_per_spec(screen(objective, parent, parents, parents.w, trials))
+    taken = refined(objective, parent, parents, parents.w, best)
+    theta, effects = parent.coordinates.unpack(parent.x)
+    return at_own_size(taken[0]) if taken else _nearest(objective, theta, effects, trials)
 
 
 def _nearest(

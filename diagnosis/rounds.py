@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.adjudicate import PROFILED, error_energies, improvement, profiled
+from jointscope.diagnosis.afresh import afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
-from jointscope.diagnosis.rivals import grown, rivals
+from jointscope.diagnosis.rivals import grown, reshaped, rivals
 from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
@@ -146,6 +147,7 @@ def explore(
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
     report("fitting single effects")
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
+    singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
@@ -154,6 +156,9 @@ def explore(
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
     for leader in [h for h in arena.hypotheses if len(h.specs) == 1][: effort.beam + 1]:
         alike.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
+    alike.extend(
+        reshaped(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, arena.hypotheses, effort)
+    )
     if alike:
         arena = settled(arena, alike, effort)
     report("fitting pairs")

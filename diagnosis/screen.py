@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 AMPLITUDE_REACH = (0.05, 5.0)  # how far a secant is trusted beyond the amplitude it was taken at
+PASSES = 3  # at most, towards a trial's own amplitude
 INVISIBLE = 1e-8  # |P s| below this share of |s|, or of a unit residual: absorbed by the parents
 
 
@@ -162,22 +163,21 @@ def best_per_spec(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def refined(
-    objective: Objective, fit: Fit, parents: Tangent, rows: Vector, trials: Sequence[Trial], passes: int = 1
+    objective: Objective, fit: Fit, parents: Tangent, rows: Vector, trials: Sequence[Trial]
 ) -> list[Trial]:
-    """The trials taken again at the amplitude that they themselves asked for; the better of the two is kept."""
+    """The trials taken again at the amplitude that they themselves asked for; the better of the two is kept.
+
+    Those that asked for less than a trial's reach are taken again: where an oscillation has slipped by a radian, its
+    amplitude says little of the size that fits.
+    """
     current = list(trials)
-    for _ in range(passes):
-        again = screen(
-            objective,
-            fit,
-            parents,
-            rows,
-            [
-                resized(t.active, float(np.clip(t.factor, *AMPLITUDE_REACH)) if t.factor > 0 else -0.3)
-                for t in current
-            ],
-        )
-        by_spec = {id(t.spec): t for t in again}
+    for taken in range(PASSES):
+        far = [t for t in current if taken == 0 or 0.0 < t.factor < AMPLITUDE_REACH[0]]
+        if not far:
+            break
+        sizes = [float(np.clip(t.factor, *AMPLITUDE_REACH)) if t.factor > 0 else -0.3 for t in far]
+        resizings = [resized(t.active, size) for t, size in zip(far, sizes, strict=True)]
+        by_spec = {id(t.spec): t for t in screen(objective, fit, parents, rows, resizings)}
         current = [
             by_spec[id(t.spec)] if id(t.spec) in by_spec and _honest(by_spec[id(t.spec)]) >= _honest(t) else t
             for t in current

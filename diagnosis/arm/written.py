@@ -13,6 +13,7 @@ from jointscope.diagnosis.arm.answer import arm_answer
 from jointscope.diagnosis.arm.effects import split_location
 from jointscope.diagnosis.arm.pipeline import diagnose_arm
 from jointscope.diagnosis.arm.prepare import prepare_arm
+from jointscope.diagnosis.errors import said
 from jointscope.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
@@ -82,8 +83,8 @@ def arm_summary(answer: dict[str, Any], out: Path) -> str:
     held = answer["held_out"]
     if held:
         lines.append(
-            f"held-out runs ({len(held['runs'])}): relative error {held['base_error']:.4f} with the base model, "
-            f"{held['augmented_error']:.4f} with the effects, noise floor {held['noise_floor']:.4f}"
+            f"held-out runs ({len(held['runs'])}): relative error {said(held['base_error'])} with the base model, "
+            f"{said(held['augmented_error'])} with the effects, noise floor {said(held['noise_floor'])}"
         )
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")

@@ -5,6 +5,7 @@ r"""Dry friction at motor or arm, friction that grows with load, and drag.
     T_f = T tanh(w/w_e)                                                 Coulomb, rounded
     dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
     T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
+    T_f = [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)                   Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
     T_f = mu |T_S| sgn(w)                                               load-dependent
     T_f = c_q w |w|                                                     quadratic
@@ -67,15 +68,38 @@ def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.C_SIDED] += share * assembly.P[kernel.B_L]
 
 
+_ROUND_M = (kernel.ROUND_M, kernel.ROUND_M_SPEED, kernel.ROUND_M_EXCESS, kernel.ROUND_M_FALL)
+_ROUND_L = (kernel.ROUND_L, kernel.ROUND_L_SPEED, kernel.ROUND_L_EXCESS, kernel.ROUND_L_FALL)
+
+
 def _rounded(location: str) -> Apply:
-    torque, speed = (
-        (kernel.ROUND_M, kernel.ROUND_M_SPEED) if location == "motor" else (kernel.ROUND_L, kernel.ROUND_L_SPEED)
-    )
+    at_torque, at_speed, _, _ = _ROUND_M if location == "motor" else _ROUND_L
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        assembly.P[torque], assembly.P[speed] = values
+        assembly.P[at_torque], assembly.P[at_speed] = values
 
     return apply
+
+
+def _rounded_stribeck(location: str) -> Apply:
+    at_torque, at_speed, at_excess, at_fall = _ROUND_M if location == "motor" else _ROUND_L
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, breakaway, fall, rounding = values
+        assembly.P[at_torque], assembly.P[at_speed] = torque, rounding
+        assembly.P[at_excess], assembly.P[at_fall] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9), fall
+
+    return apply
+
+
+def _rounded_starts(location: str) -> Starts:
+    def starts(problem: Problem) -> tuple[Values, ...]:
+        roundings = _roundings(location)(problem)
+        return tuple(
+            (*speeds, *rounding) for speeds in _speeds(location)(problem)[1:] for rounding in roundings[:1]
+        )
+
+    return starts
 
 
 def _top_speed(problem: Problem, location: str) -> float:
@@ -339,6 +363,27 @@ def _bristle_spec(location: Location) -> EffectSpec:
     )
 
 
+def _rounded_stribeck_spec(location: Location) -> EffectSpec:
+    """Stribeck's friction that creeps where a dry contact sticks, as most simulators have it."""
+    return EffectSpec(
+        name="stribeck-friction",
+        location=location,
+        variant="rounded",
+        family="dissipative",
+        parameters=(*_STRIBECK, ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)),
+        law="[T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)",
+        revealed_by=("speed-motion",),
+        look_alikes=("coulomb-friction", "load-dependent-friction"),
+        sensible=lambda values: values[1] > values[0],
+        apply=_rounded_stribeck(location),
+        scale=_sizes(location),
+        starts=_rounded_starts(location),
+        proportional=(1,),
+        possible=_possible(location),
+        limits=_rounding_limits(location),
+    )
+
+
 def _share_sizes(problem: Problem) -> tuple[float, float, float]:
     return 0.01, 0.05, 0.15
 
@@ -354,6 +399,8 @@ SPECS: tuple[EffectSpec, ...] = (
     *_stribeck_specs("load"),
     _bristle_spec("motor"),
     _bristle_spec("load"),
+    _rounded_stribeck_spec("motor"),
+    _rounded_stribeck_spec("load"),
     *(
         EffectSpec(
             name="load-dependent-friction",

@@ -14,6 +14,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     ParameterSpec,
@@ -21,6 +23,7 @@ from jointscope.diagnosis.effects.spec import (
     needs_accelerometer,
     one_start,
 )
+from jointscope.diagnosis.resolution import clips
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -85,7 +88,8 @@ def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 def _levels(problem: Problem) -> tuple[float, float, float]:
     peak = max(problem.scales.acceleration, 1e-9)
-    return 0.95 * peak, 0.75 * peak, 0.45 * peak
+    flat = [float(np.max(np.abs(o.data))) for run in problem.runs for o in run.outputs if clips(o)]
+    return min(flat, default=0.95 * peak), 0.75 * peak, 0.45 * peak
 
 
 def _level_limits(problem: Problem) -> dict[str, tuple[float, float]]:

@@ -237,6 +237,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_loop_starts,
             possible=needs_spring,
             limits=_loop_limits,
+            decades=2 if variant in ("bouc-wen", "dahl") else 0,
             proportional=(1,),
         )
         for variant, kind in (

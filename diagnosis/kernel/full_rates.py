@@ -15,6 +15,7 @@ from jointscope.diagnosis.kernel.laws import (
     elastic,
     friction,
     hysteresis,
+    rounded,
     tabled,
     with_table,
 )
@@ -103,7 +104,7 @@ def _rates_source(
     if S[PRE_SITE] == AT_MOTOR:
         force_m -= P[PRE_TORQUE] * bristle(mem[9], q_s - mem[8], v_s, P)
     if P[ROUND_M] != 0.0:
-        force_m -= P[ROUND_M] * math.tanh(v_s / P[ROUND_M_SPEED])
+        force_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], v_s)
     level_m = P[FM_LOAD] * abs(T)
     a_s = 0.0
     if motor == MOTOR_HELD:
@@ -142,7 +143,7 @@ def _rates_source(
     if S[TABLE_SITE] == AT_LOAD:
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if P[ROUND_L] != 0.0:
-        force_l -= P[ROUND_L] * math.tanh(v / P[ROUND_L_SPEED])
+        force_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], v)
     if S[PRE_SITE] == AT_LOAD:
         force_l -= P[PRE_TORQUE] * bristle(mem[9], q - mem[8], v, P)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:

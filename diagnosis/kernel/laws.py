@@ -53,6 +53,15 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
 
 
 @compiled
+def rounded(torque: float, speed: float, excess: float, fall: float, v: float) -> float:
+    """T [1 + excess exp(-(v/fall)^2)] tanh(v/speed): dry friction that creeps where a contact sticks."""
+    if excess != 0.0:
+        r = v / fall
+        torque *= 1.0 + excess * math.exp(-r * r)
+    return torque * math.tanh(v / speed)
+
+
+@compiled
 def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
     el = delta

@@ -36,7 +36,13 @@ PRE_EXCESS, PRE_SPEED = (
     116,
     117,
 )  # breakaway beyond PRE_TORQUE as its share, and the speed over which it falls [rad/s]
-N_P = 118
+ROUND_M_EXCESS, ROUND_M_FALL, ROUND_L_EXCESS, ROUND_L_FALL = (
+    118,
+    119,
+    120,
+    121,
+)  # breakaway beyond ROUND_M as its share, and the speed over which it falls [rad/s]
+N_P = 122
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
-from jointscope.diagnosis.kernel.laws import STRUCTURAL_WIDTH, friction, hysteresis, tabled, with_table
+from jointscope.diagnosis.kernel.laws import STRUCTURAL_WIDTH, friction, hysteresis, rounded, tabled, with_table
 from jointscope.diagnosis.kernel.layout import *
 
 
@@ -67,7 +67,7 @@ def _scalar_rates_source(
     if rich and S[TABLE_SITE] == AT_MOTOR:
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if rich and P[ROUND_M] != 0.0:
-        net_m -= P[ROUND_M] * math.tanh(v_s / P[ROUND_M_SPEED])
+        net_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], v_s)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -103,7 +103,7 @@ def _scalar_rates_source(
     if rich and S[TABLE_SITE] == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and P[ROUND_L] != 0.0:
-        net_l -= P[ROUND_L] * math.tanh(v / P[ROUND_L_SPEED])
+        net_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], v)
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:

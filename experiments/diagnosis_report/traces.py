@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.errors import Free, floor_of, relative_error, rms
+from jointscope.diagnosis.errors import Free, compared, floor_of, relative_error, rms
 from jointscope.diagnosis.noise import ANGULAR, BlockNoise, block_key
 from jointscope.diagnosis.split import level
 
@@ -111,7 +111,7 @@ def gather(models: Models, free: Free) -> tuple[Trace, ...]:
                 np.asarray(output.polarity * (np.asarray(p) + output.offset))[scored] for p in (before, after)
             )
             size = rms(recorded - recorded[0]) if output.quantity in ANGULAR else rms(recorded)
-            block = models.noise.blocks.get(block_key(run, output))
+            block = models.noise.blocks.get(block_key(run, compared(run, output)))
             found.append(
                 Trace(
                     run=run.run.id,
@@ -129,7 +129,7 @@ def gather(models: Models, free: Free) -> tuple[Trace, ...]:
                     base_error=relative_error(output.quantity, recorded, before),
                     corrected_error=relative_error(output.quantity, recorded, after),
                     floor=floor_of(run, output, models.noise, after) / size if size > 0.0 else float("nan"),
-                    floor_density=None if block is None else noise_density(block, output.rate),
+                    floor_density=None if block is None else noise_density(block, compared(run, output).rate),
                 )
             )
     return tuple(found)

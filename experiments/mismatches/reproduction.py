@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jointscope.atomic import write_text
+from jointscope.diagnosis.errors import said
 from jointscope.experiments.mismatches.causes import mismatches
 from jointscope.experiments.mismatches.figures import draw
 from jointscope.experiments.mismatches.telling import Told, tell
@@ -111,8 +112,8 @@ def _section(told: Told) -> list[str]:
         lines.append(f"- Said: {told.diagnosis['verdict']}" + (f" ({reason})." if reason else "."))
     held = told.diagnosis["held_out"]
     if held:
-        lines.append(f"- Error on all held-out runs and channels: base {held['base_error']:.4f}, with what was named"
-                     f" {held['augmented_error']:.4f}, noise floor {held['noise_floor']:.4f}.")  # fmt: skip
+        lines.append(f"- Error on all held-out runs and channels: base {said(held['base_error'])}, with what was named"
+                     f" {said(held['augmented_error'])}, noise floor {said(held['noise_floor'])}.")  # fmt: skip
     return [*lines, "", f"![{told.mismatch.figure}]({told.mismatch.key}.png)"]
 
 

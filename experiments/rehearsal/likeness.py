@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.signal import butter, lfilter, resample_poly, sosfiltfilt
 
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.foretelling import unsettled
@@ -289,7 +289,13 @@ def _noise(
     block = noise.blocks.get(block_key(run, output))
     if block is None:
         return np.zeros(clean.size)
-    shown = replace(output, data=unsettled(clean), mask=np.ones(clean.size, dtype=np.bool_))
-    white = block.sigma * rng.standard_normal(clean.size + 256)
+    whole = output.recorded_rate or output.rate
+    thinning = max(round(whole / output.rate), 1)
+    shown = replace(output, data=unsettled(clean), mask=np.ones(clean.size, dtype=np.bool_), rate=whole)
+    white = block.sigma * rng.standard_normal(-(-clean.size // thinning) + 256)
     coloured = lfilter([1.0], block.ar, white)[256:]
+    if thinning > 1:  # measured below the thinned record's Nyquist rate; beyond it as dense as its innovation
+        beyond = block.sigma * math.sqrt(thinning) * rng.standard_normal(clean.size)
+        low = resample_poly(beyond, 1, thinning)[: coloured.size]
+        coloured = beyond + resample_poly(coloured - low, thinning, 1)[: clean.size]
     return np.asarray(coloured * uniform_filter1d(inflation(shown, block), 3))

@@ -3,10 +3,13 @@ r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damp
 T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
 b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the speed, exactly
 dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y
+T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e): a table over the speed
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -14,15 +17,14 @@ from jointscope.models.effects.building import Building, Parameters
 
 FASTEST = 1e3  # rad/s or m/s; beyond every speed
 SATURATED, NODES = 9.0, 361  # tanh is 1 within 3e-8 there, and straight within 3e-4 between so many nodes
+SETTLED, MOST_NODES = 4.2, 20_001  # exp(-x^2) is 2e-8 there
 
 
 def coulomb(building: Building, location: str, variant: str, p: Parameters) -> str:
     """T (1 +- asymmetry) against the motion."""
     torque, asymmetry = p["torque"], p.get("asymmetry", 0.0)
     if variant == "rounded":
-        at, reach = "load" if building.single else location, SATURATED * p["rounding"]
-        nodes = np.linspace(-SATURATED, SATURATED, NODES)
-        building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(-torque * np.tanh(nodes)))
+        _creeping(building, location, torque, p["rounding"], 0.0, p["rounding"])
         return ""
     if variant == "presliding":
         _bristles(building, location, torque, p["presliding"], 0.0, 1.0)
@@ -43,6 +45,10 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
         excess = max(p["breakaway"] / torque - 1.0, 0.0)
         _bristles(building, location, torque, p["presliding"], excess, p["stribeck_velocity"])
         return ""
+    if variant == "rounded":
+        excess = max(p["breakaway"] / torque - 1.0, 0.0)
+        _creeping(building, location, torque, p["rounding"], excess, p["stribeck_velocity"])
+        return ""
     building.rub(location, torque)
     building.law(
         "friction-level",
@@ -53,6 +59,20 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
         share=0.0,
     )
     return f"frictionloss of {_element(location)} for the sliding part"
+
+
+def _creeping(
+    building: Building, location: str, torque: float, rounding: float, excess: float, fall: float
+) -> None:
+    """T [1 + excess exp(-(w/fall)^2)] tanh(w/rounding), as a table that ends where nothing changes any more."""
+    reach = max(SATURATED * rounding, SETTLED * fall if excess else 0.0)
+    between = min(rounding, fall) if excess else rounding
+    count = min(NODES * max(math.ceil(reach / (SATURATED * between)), 1), MOST_NODES) | 1
+    speed = np.linspace(-reach, reach, count)
+    level = 1.0 + excess * np.exp(-np.square(speed / fall))
+    force = -torque * level * np.tanh(speed / rounding)
+    at = "load" if building.single else location
+    building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(force))
 
 
 def _bristles(building: Building, location: str, torque: float, angle: float, excess: float, speed: float) -> None:

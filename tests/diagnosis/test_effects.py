@@ -276,7 +276,7 @@ def test_a_slow_log_is_undone_below_half_its_rate(kind, log_rate):
         log = (area(t) - area(t - 1 / log_rate)) * log_rate
     else:
         log = torque(np.floor(t * log_rate + 1e-9) / log_rate)
-    back = relogged(log, rate, log_rate, kind)
+    back = relogged(log, rate, rate, log_rate, kind)
     middle = slice(200, 1500)  # up to 46 Hz
     naive = np.std((log - torque(t))[middle])
     assert np.std((back - torque(t))[middle]) < 0.2 * naive

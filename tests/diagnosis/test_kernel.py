@@ -338,6 +338,19 @@ def test_bristles_end_on_the_curve_of_their_speed_and_without_breakaway_are_dahl
     assert k_laws.bristle(z, -2e-6, 0.1, P) == pytest.approx(k_laws.hysteresis(z, -2e-6, 1e-5, k.DAHL), rel=1e-12)
 
 
+def test_rounded_stribeck_follows_its_curve_on_either_side_and_in_either_stepper():
+    """-J a = T [1 + e exp(-(v/v_s)^2)] tanh(v/w_e) at any speed, odd in it; no excess is the rounded Coulomb law."""
+    T, e, v_s, w_e = 30.0, 0.5, 0.02, 0.004
+    for v in (-0.03, -0.002, 0.001, 0.02, 0.2):
+        wanted = T * (1.0 + e * np.exp(-((v / v_s) ** 2))) * np.tanh(v / w_e)
+        P, S = packed(K=0.0, J_L=1e6, ROUND_L=T, ROUND_L_SPEED=w_e, ROUND_L_EXCESS=e, ROUND_L_FALL=v_s)
+        for site in (0, k.AT_MOTOR):  # presliding of no torque sends it through the other stepper
+            S[k.PRE_SITE], P[k.PRE_ANGLE] = site, 1.0
+            _, out = run(P, S, x=(0, 0, 0, v), duration=0.01)
+            assert -1e6 * out[0, k.X_A] == pytest.approx(wanted, rel=1e-9)
+    assert k_laws.rounded(T, w_e, 0.0, 1.0, 0.003) == pytest.approx(T * math.tanh(0.75), rel=1e-12)
+
+
 def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):
     """Compiled code is kept under a digest of all its sources, of those that it only calls too."""
     for name in ("laws", "steps"):

@@ -220,6 +220,8 @@ def _simulation(options: argparse.Namespace, campaign: Campaign, report: Report)
 
 def summary(answer: dict[str, Any], out: Path) -> str:
     """The answer in a few lines."""
+    from jointscope.diagnosis.errors import said
+
     lines = [f"verdict: {answer['verdict']} (probability {answer['verdict_probability']:.2f})"]
     if answer["unknown_reason"]:
         lines.append(f"  reason: {answer['unknown_reason']}")
@@ -236,8 +238,8 @@ def summary(answer: dict[str, Any], out: Path) -> str:
     held = answer["held_out"]
     if held:
         lines.append(
-            f"held-out runs ({len(held['runs'])}): relative error {held['base_error']:.4f} with the base model, "
-            f"{held['augmented_error']:.4f} with the effects, noise floor {held['noise_floor']:.4f}"
+            f"held-out runs ({len(held['runs'])}): relative error {said(held['base_error'])} with the base model, "
+            f"{said(held['augmented_error'])} with the effects, noise floor {said(held['noise_floor'])}"
         )
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")

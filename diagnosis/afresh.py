@@ -1,0 +1,76 @@
+"""Where the base ends far from the data: laws tried from the starts that the hits' own spectra gave.
+
+A spring whose stiffness changes within a ring-down slips by whole turns against any fixed one. Then the refitted base has
+wandered off, its tangent says nothing, and what counts is which trial follows the phase as it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.base import relative_misfit
+from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.screen import resized
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.objective import Objective
+
+Vector = NDArray[np.float64]
+
+ASTRAY = 0.5  # of the data's rms, left by the base in the median channel
+FAMILIES = ("stiffness", "hysteretic")
+FACTORS = (1.0, 2.0, 4.0, -1.0, -2.0, -4.0)  # times the trials' sizes
+TRIED = 4  # laws fitted
+
+
+def afresh(
+    objective: Objective, base: Fit, candidates: Sequence[ActiveEffect], effort: Effort
+) -> list[Hypothesis]:
+    """The laws of the spring that follow the data best from the prepared start, fitted from there.
+
+    Returns:
+        Nothing where the base is near the data, or where no trial is nearer than the start itself.
+    """
+    theta, _ = base.coordinates.unpack(base.x)
+    if relative_misfit(objective.prepared, objective.predictions(theta, ())) < ASTRAY:
+        return []
+    where = coordinates(objective.problem)
+    x = where.pack(where.start, ())
+    w = objective.residual(x, where)
+    start = Fit(where, x, w, objective.columns(x, where, w, range(where.n)), math.nan, False, True, 1 + where.n)
+    trials = [
+        resized(active, factor)
+        for active in candidates
+        if active.spec.family in FAMILIES
+        for factor in FACTORS
+        if factor > 0.0 or _two_sided(active)
+    ]
+
+    def cost(active: ActiveEffect) -> float:
+        parts = [objective.run_residual(i, where.start, (active,)) for i in range(len(objective.runs))]
+        return float(sum(p @ p for p in parts))
+
+    costs = objective.map(cost, trials)
+    nearest: dict[tuple[str, str], tuple[float, ActiveEffect]] = {}
+    for found, active in sorted(zip(costs, trials, strict=True), key=lambda pair: pair[0]):
+        if found < start.chi2:
+            nearest.setdefault((name_of(active.spec), active.spec.variant), (found, active))
+    fitted = []
+    for _, active in list(nearest.values())[:TRIED]:
+        fit = fit_child(objective, start, [active], effort)
+        if fit is not None and fit.chi2 < base.chi2:
+            fitted.append(Hypothesis((active.spec,), fit, profile_loss(objective, fit.w)))
+    return fitted
+
+
+def _two_sided(active: ActiveEffect) -> bool:
+    parameter = active.spec.parameters[active.spec.amplitude]
+    return parameter.lower < 0.0 < parameter.upper
