@@ -231,14 +231,14 @@ def improvement(
     base: dict[Kind, tuple[float, float]],
     before: dict[Kind, tuple[float, float]],
     after: dict[Kind, tuple[float, float]],
-) -> tuple[float, float]:
-    """(material, share) of :class:`Comparison` from the error energies of base, parent and child."""
-    best = (0.0, 0.0)
+) -> tuple[float, float, float]:
+    """(material, share, rest) of :class:`Comparison` from the error energies of base, parent and child."""
+    best = (0.0, 0.0, 0.0)
     for key, (parent, signal) in before.items():
         gained, whole = parent - after[key][0], base[key][0] - after[key][0]
         if signal > 0.0 and gained > 0.0:
             share = math.sqrt(gained / whole) if whole > 0.0 else 1.0
-            best = max(best, (math.sqrt(gained / signal), min(share, 1.0)))
+            best = max(best, (math.sqrt(gained / signal), min(share, 1.0), gained / parent))
     return best
 
 
@@ -249,7 +249,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     raw = 0.5 * (parent.fitted - child.fitted) / overdispersion
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
-    material, share = improvement(judgement.base.energies, parent.energies, child.energies)
+    material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies)
     held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
         held = 0.5 * (parent.held_out - child.held_out) / overdispersion
@@ -274,6 +274,8 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         len(parent.names),
         parent_gain,
         unreached,
+        rest,
+        all(spec.exact for spec in parent.hypothesis.specs),
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
 from jointscope.diagnosis.whiten import is_hit
+from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -70,9 +71,11 @@ def compared(run: PreparedRun, declared: Output) -> Output:
 
 def _beyond(whole: Output, thin: Output) -> float:
     """Mean square of what thinning took off a record, which no model predicts [the output's unit squared]."""
-    if thin.recorded_rate is None or whole.quantity in ANGULAR or whole.data.size == 0:
+    if thin.recorded_rate is None or whole.quantity in ANGULAR or not np.any(whole.data):
         return 0.0
-    return max(float(np.var(whole.data)) - float(np.var(thin.data)), 0.0)
+    kept = bandlimited(thin.data, thin.rate, float(thin.times[0]))(whole.times)
+    taken = (whole.data - kept)[whole.mask] if whole.mask.size == whole.data.size else whole.data - kept
+    return float(np.mean(np.square(taken))) if taken.size else 0.0
 
 
 def floor_of(run: PreparedRun, output: Output, noise: NoiseModel, predicted: Vector) -> float:

@@ -21,6 +21,8 @@ LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on th
 MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
 SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
 SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
+REST = 0.9  # or this of the energy that the parent leaves: no stand-in for a form's error gets that far
+REST_OF_EXACT = 0.5  # the same beside laws that have one form only
 REAL_UNREACHED = 200.0  # nats asked of the fitted runs then
 LOST_UNREACHED = 30.0  # nats that the held-out runs may lose then: the base's parameters move a little
 
@@ -43,6 +45,8 @@ class Comparison:
             wrong form leaves is always explained by something.
         parent_gain: The parent's gain over the base, fitted and held out [nats].
         unreached: Whether the child adds an effect of one place (a stop) that no held-out run reaches.
+        rest: Of the energy that the parent leaves in the channel of ``material``, what the child explains [-].
+        exact: Whether the parent's laws have one form only, so that no wrong one can be left.
     """
 
     gain: float
@@ -56,6 +60,8 @@ class Comparison:
     parents: int
     parent_gain: float
     unreached: bool = False
+    rest: float = 0.0
+    exact: bool = False
 
     @property
     def real(self) -> bool:
@@ -84,6 +90,10 @@ class Comparison:
         much = self.gain + held > IN_EVIDENCE * self.parent_gain
         needed = SHARES[min(self.parents, len(SHARES) - 1)]
         both = self.share > SHARE_AND_EVIDENCE[0] and self.gain + held > SHARE_AND_EVIDENCE[1] * self.parent_gain
+        nearly_all = self.rest > (REST_OF_EXACT if self.exact else REST)
         return (
-            self.real and self.carries_over and self.material > MATERIAL and (self.share > needed or much or both)
+            self.real
+            and self.carries_over
+            and self.material > MATERIAL
+            and (self.share > needed or much or both or nearly_all)
         )

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
+LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
 FOLLOWING = ("angle", "position", "angular-velocity", "velocity")
@@ -28,7 +29,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
 
     A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
-    unnamed force that does not is left out.
+    unnamed force that does not is left out. Worse is what is worse over all channels and over those that are told by
+    the model alone: an angle that drifts off takes the phase of an order with it.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -38,19 +40,25 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     problem = diagnosis.problem
     adrift = {problem.runs[i].run.id for i in held if _adrift(problem.runs[i])}
 
-    def error(judged: Judged) -> float:
+    def error(judged: Judged) -> tuple[float, float]:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
         errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
-        return mean_error([e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))])
+        told = [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
+        return mean_error(errors), mean_error([replace(e, error=min(e.error, LOST)) for e in told])
 
-    limit = (1.0 + WORSE) * error(base)
-    if not error(decision.chosen) > limit:
+    of_base = error(base)
+
+    def worse(judged: Judged) -> bool:
+        pairs = zip(error(judged), of_base, strict=True)
+        return all(mine > (1.0 + WORSE) * theirs for mine, theirs in pairs)
+
+    if not worse(decision.chosen):
         return diagnosis
     if decision.verdict == "unknown":
         return replace(diagnosis, decision=replace(decision, chosen=base))
     top = decision.ranking[0]
     others = [r for r in decision.ranking[1:5] if r.names and r.score > SECOND * top.score]
-    kept = [r for r in others if error(r.judged) <= limit]
+    kept = [r for r in others if not worse(r.judged)]
     if kept:
         sure = SECOND_CHOICE * kept[0].probability / sum(r.probability for r in kept)
         fit = adequacy_of(diagnosis.judgement, kept[0].judged)

@@ -41,6 +41,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "turning-mount": _CARRIERS,
     "sliding-mount": _CARRIERS[1:],
     "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
+    "rounded": ("rounded-asymmetric",),
     "motor-order": ("motor-order-harmonic",),
     "output-order": ("output-order-harmonic",),
     "cogging": ("cogging-harmonic",),

@@ -117,7 +117,7 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
         gain += 0.5 * float(old @ old - new @ new)
     runs = arena.objective.prepared
     parents = error_energies(runs, before)
-    material, _ = improvement(parents, parents, error_energies(runs, after))
+    material, _, _ = improvement(parents, parents, error_energies(runs, after))
     return gain > PROMISING * added and material > MATERIAL
 
 
@@ -171,6 +171,7 @@ def explore(
         if len(leader.names) == 2 and size == 3:  # each member may have stood in for its look-alike
             known = _losses(arena)
             swapped = rivals(arena.objective, arena.base.fit, leader, candidates, known, effort)
+            swapped.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
             arena = settled(arena, swapped, effort) if swapped else arena
         best = arena.hypotheses[0]
         parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]

@@ -7,14 +7,14 @@ nearly nothing where that ends above the parent, so a child is never worse than 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import representative
-from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.noise import Key, block_key
 from jointscope.diagnosis.objective import Objective
@@ -144,10 +144,18 @@ def fit_child(
     for i in order[:2]:
         new = objective.columns(starts[i], where, residuals[i], range(parent.coordinates.n, where.n))
         jacobian = np.concatenate([parent.jacobian, new], axis=1)
+        start = starts[i]
+        held = with_orders_held(where, start, parent.coordinates.n)
+        if held is not where:
+            there = least_squares(
+                objective, held, start, jacobian=jacobian, iterations=5, tolerance=1e-2,
+                simulations=effort.fit_simulations // 2,
+            )  # fmt: skip
+            start, jacobian = there.x, there.jacobian
         fit = least_squares(
             objective,
             where,
-            starts[i],
+            start,
             jacobian=jacobian,
             iterations=14,
             tolerance=3e-3,
@@ -156,6 +164,25 @@ def fit_child(
         if fit.chi2 < parent.chi2:
             return fit
     return None
+
+
+def with_orders_held(where: Coordinates, x: Vector, new: int) -> Coordinates:
+    """Bounds that keep the orders of effects from ``new`` on where ``x`` has them; ``where`` itself without any.
+
+    A line's order slides off to another valley while its amplitude and phase are still to be found.
+    """
+    fixed = [
+        position + k
+        for spec, position in zip(where.effects, (s.start for s in where.effect_slices()), strict=True)
+        if position >= new
+        for k, parameter in enumerate(spec.parameters)
+        if parameter.name == "order"
+    ]
+    if not fixed:
+        return where
+    lower, upper = where.lower.copy(), where.upper.copy()
+    lower[fixed] = upper[fixed] = x[fixed]
+    return replace(where, lower=lower, upper=upper)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 
+STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
+
+
 def _blocks(location: str) -> tuple[int, int]:
     if location == "motor":
         return kernel.FM_PLUS, kernel.FRICTION_M
@@ -68,25 +71,38 @@ def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.C_SIDED] += share * assembly.P[kernel.B_L]
 
 
-_ROUND_M = (kernel.ROUND_M, kernel.ROUND_M_SPEED, kernel.ROUND_M_EXCESS, kernel.ROUND_M_FALL)
-_ROUND_L = (kernel.ROUND_L, kernel.ROUND_L_SPEED, kernel.ROUND_L_EXCESS, kernel.ROUND_L_FALL)
+_ROUND_M = (
+    kernel.ROUND_M, kernel.ROUND_M_SPEED, kernel.ROUND_M_EXCESS, kernel.ROUND_M_FALL, kernel.ROUND_M_SIDED,
+)  # fmt: skip
+_ROUND_L = (
+    kernel.ROUND_L, kernel.ROUND_L_SPEED, kernel.ROUND_L_EXCESS, kernel.ROUND_L_FALL, kernel.ROUND_L_SIDED,
+)  # fmt: skip
 
 
 def _rounded(location: str) -> Apply:
-    at_torque, at_speed, _, _ = _ROUND_M if location == "motor" else _ROUND_L
+    at_torque, at_speed, _, _, at_sided = _ROUND_M if location == "motor" else _ROUND_L
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        assembly.P[at_torque], assembly.P[at_speed] = values
+        torque, speed = values[:2]
+        assembly.P[at_torque], assembly.P[at_sided] = torque, values[2] if len(values) > 2 else 0.0
+        assembly.P[at_speed] = max(speed, _steepest(assembly, location, torque))
 
     return apply
 
 
+def _steepest(assembly: Assembly, location: str, torque: float) -> float:
+    """The rounding below which steps of the grid no longer follow [rad/s]: T/(w_e J) is then a rate of the grid's."""
+    inertia = assembly.P[kernel.J_M if location == "motor" else kernel.J_L]
+    return float(torque / (STEEPEST * inertia * assembly.run.grid_rate))
+
+
 def _rounded_stribeck(location: str) -> Apply:
-    at_torque, at_speed, at_excess, at_fall = _ROUND_M if location == "motor" else _ROUND_L
+    at_torque, at_speed, at_excess, at_fall, _ = _ROUND_M if location == "motor" else _ROUND_L
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, breakaway, fall, rounding = values
-        assembly.P[at_torque], assembly.P[at_speed] = torque, rounding
+        steepest = _steepest(assembly, location, max(torque, breakaway))
+        assembly.P[at_torque], assembly.P[at_speed] = torque, max(rounding, steepest)
         assembly.P[at_excess], assembly.P[at_fall] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9), fall
 
     return apply
@@ -108,13 +124,17 @@ def _top_speed(problem: Problem, location: str) -> float:
 
 
 def _roundings(location: str) -> Starts:
-    return lambda problem: tuple((share * _top_speed(problem, location),) for share in (0.02, 0.1))
+    return lambda problem: tuple((share * _top_speed(problem, location),) for share in (0.004, 0.02, 0.1))
+
+
+def _sided_roundings(location: str) -> Starts:
+    return lambda problem: tuple((*rounding, 0.05) for rounding in _roundings(location)(problem)[:2])
 
 
 def _rounding_limits(location: str) -> Limits:
     def limits(problem: Problem) -> dict[str, tuple[float, float]]:
         top = _top_speed(problem, location)
-        return {**_torque_limits(problem), "rounding": (2e-3 * top, 0.5 * top)}
+        return {**_torque_limits(problem), "rounding": (2e-5 * top, 0.5 * top)}
 
     return limits
 
@@ -246,6 +266,7 @@ _LAWS = {
     "plain": "T sgn(w) against the motion, sticking below T",
     "asymmetric": "T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
     "rounded": "T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
+    "rounded-asymmetric": "T (1 +- asymmetry) tanh(w/w_e) against the motion",
     "presliding": "dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
     "one-sided": "T sgn(w) against the motion, sticking below T, with viscous damping b (1 +- viscous_asymmetry)",
 }
@@ -294,9 +315,13 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
     )
 
 
-def _shaped_spec(location: Location, variant: Literal["rounded", "presliding"]) -> EffectSpec:
+def _shaped_spec(
+    location: Location, variant: Literal["rounded", "rounded-asymmetric", "presliding"]
+) -> EffectSpec:
     """Coulomb's force with a shape about standstill: rounded over a speed, or built up elastically over an angle."""
-    rounded = variant == "rounded"
+    rounded = variant != "presliding"
+    sided = variant == "rounded-asymmetric"
+    at = _possible(location) if rounded else _elastic_and_moving
     shape = (
         ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
         if rounded
@@ -307,14 +332,14 @@ def _shaped_spec(location: Location, variant: Literal["rounded", "presliding"]) 
         location=location,
         variant=variant,
         family="dissipative",
-        parameters=(_TORQUE, shape),
+        parameters=(_TORQUE, shape, _ASYMMETRY) if sided else (_TORQUE, shape),
         law=_LAWS[variant],
         revealed_by=("hammer", "speed-motion", "torque-sweep") if rounded else ("speed-motion", "torque-sweep"),
         look_alikes=_ALIKE,
         apply=_rounded(location) if rounded else _presliding(location),
         scale=_sizes(location),
-        starts=_roundings(location) if rounded else _presliding_angles,
-        possible=_possible(location) if rounded else _elastic_and_moving,
+        starts=_sided_roundings(location) if sided else _roundings(location) if rounded else _presliding_angles,
+        possible=_both(at, _zero_known) if sided else at,
         limits=_rounding_limits(location) if rounded else _presliding_limits,
     )
 
@@ -393,6 +418,8 @@ SPECS: tuple[EffectSpec, ...] = (
     *_coulomb_specs("load"),
     _shaped_spec("motor", "rounded"),
     _shaped_spec("load", "rounded"),
+    _shaped_spec("motor", "rounded-asymmetric"),
+    _shaped_spec("load", "rounded-asymmetric"),
     _shaped_spec("motor", "presliding"),
     _shaped_spec("load", "presliding"),
     *_stribeck_specs("motor"),

@@ -85,6 +85,7 @@ class EffectSpec:
         profiled: Numbers that are fitted anew in every run, held-out ones too (a phase, say).
         decades: How often a tenth of the smallest size is tried too: a law with a threshold is another one at each.
         local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
+        exact: Whether nature knows the law in this form only: what it leaves is something else.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
     """
 
@@ -107,6 +108,7 @@ class EffectSpec:
     profiled: int = 0
     decades: int = 0
     local: bool = False
+    exact: bool = False
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
 
     @property

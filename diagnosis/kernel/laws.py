@@ -53,12 +53,13 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
 
 
 @compiled
-def rounded(torque: float, speed: float, excess: float, fall: float, v: float) -> float:
-    """T [1 + excess exp(-(v/fall)^2)] tanh(v/speed): dry friction that creeps where a contact sticks."""
+def rounded(torque: float, speed: float, excess: float, fall: float, sided: float, v: float) -> float:
+    """T (1 +- sided) [1 + excess exp(-(v/fall)^2)] tanh(v/speed): dry friction that creeps where a contact sticks."""
     if excess != 0.0:
         r = v / fall
         torque *= 1.0 + excess * math.exp(-r * r)
-    return torque * math.tanh(v / speed)
+    rise = math.tanh(v / speed)
+    return torque * (rise + sided * abs(rise))
 
 
 @compiled

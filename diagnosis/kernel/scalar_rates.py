@@ -67,7 +67,7 @@ def _scalar_rates_source(
     if rich and S[TABLE_SITE] == AT_MOTOR:
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if rich and P[ROUND_M] != 0.0:
-        net_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], v_s)
+        net_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -103,7 +103,7 @@ def _scalar_rates_source(
     if rich and S[TABLE_SITE] == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and P[ROUND_L] != 0.0:
-        net_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], v)
+        net_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v)
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:

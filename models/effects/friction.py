@@ -23,8 +23,8 @@ SETTLED, MOST_NODES = 4.2, 20_001  # exp(-x^2) is 2e-8 there
 def coulomb(building: Building, location: str, variant: str, p: Parameters) -> str:
     """T (1 +- asymmetry) against the motion."""
     torque, asymmetry = p["torque"], p.get("asymmetry", 0.0)
-    if variant == "rounded":
-        _creeping(building, location, torque, p["rounding"], 0.0, p["rounding"])
+    if variant.startswith("rounded"):
+        _creeping(building, location, torque, p["rounding"], 0.0, p["rounding"], asymmetry)
         return ""
     if variant == "presliding":
         _bristles(building, location, torque, p["presliding"], 0.0, 1.0)
@@ -47,7 +47,7 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
         return ""
     if variant == "rounded":
         excess = max(p["breakaway"] / torque - 1.0, 0.0)
-        _creeping(building, location, torque, p["rounding"], excess, p["stribeck_velocity"])
+        _creeping(building, location, torque, p["rounding"], excess, p["stribeck_velocity"], 0.0)
         return ""
     building.rub(location, torque)
     building.law(
@@ -62,7 +62,7 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
 
 
 def _creeping(
-    building: Building, location: str, torque: float, rounding: float, excess: float, fall: float
+    building: Building, location: str, torque: float, rounding: float, excess: float, fall: float, sided: float
 ) -> None:
     """T [1 + excess exp(-(w/fall)^2)] tanh(w/rounding), as a table that ends where nothing changes any more."""
     reach = max(SATURATED * rounding, SETTLED * fall if excess else 0.0)
@@ -70,7 +70,8 @@ def _creeping(
     count = min(NODES * max(math.ceil(reach / (SATURATED * between)), 1), MOST_NODES) | 1
     speed = np.linspace(-reach, reach, count)
     level = 1.0 + excess * np.exp(-np.square(speed / fall))
-    force = -torque * level * np.tanh(speed / rounding)
+    rise = np.tanh(speed / rounding)
+    force = -torque * level * (rise + sided * np.abs(rise))
     at = "load" if building.single else location
     building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(force))
 

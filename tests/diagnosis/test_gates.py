@@ -55,6 +55,23 @@ def test_a_run_that_loses_by_chance_does_not_outweigh_what_was_foretold():
     assert replace(FOUND, held_gain=30.0, lost=15.0, expected_held=60.0).stands
 
 
+@pytest.mark.parametrize(
+    ("rest", "exact", "stands"), [(0.6, True, True), (0.6, False, False), (0.95, False, True), (0.4, True, False)]
+)
+def test_a_small_further_effect_stands_where_it_explains_what_its_parent_leaves(rest, exact, stands):
+    """Drag beside a weight fifty times stronger: 17 % of what is explained, but nearly all that the weight leaves."""
+    weak = replace(
+        FURTHER,
+        share=0.17,
+        gain=450.0,
+        held_gain=150.0,
+        foretold_held=150.0,
+        expected_held=200.0,
+        parent_gain=9000.0,
+    )
+    assert replace(weak, rest=rest, exact=exact).stands is stands
+
+
 def test_without_held_out_runs_nothing_is_asked_of_them():
     assert replace(FOUND, held_gain=math.nan, expected_held=math.nan, foretold_held=math.nan, lost=math.nan).stands
 
@@ -167,9 +184,9 @@ def test_the_true_of_two_laws_leads_by_their_distance():
     assert 0.5 * (other.chi2 - one.chi2) == pytest.approx(apart, abs=4.0 * math.sqrt(2.0 * apart))
 
 
-@pytest.mark.parametrize(("apart", "sure"), [(100.0, True), (1e4, False)])
+@pytest.mark.parametrize(("apart", "sure"), [(100.0, True), (1e4, False), (10.0, False)])
 def test_a_lead_counts_by_how_far_the_two_are_apart(monkeypatch, apart, sure):
-    """30 nats of 20 thousand: decisive where the two predict almost alike, nothing where the data lie between them."""
+    """30 nats of 20 thousand: decisive where two predict almost alike, nothing where data lie between or they are the same."""
     judged = (
         SimpleNamespace(names=()),
         stand_in("delay@acquisition", ""),

@@ -348,7 +348,9 @@ def test_rounded_stribeck_follows_its_curve_on_either_side_and_in_either_stepper
             S[k.PRE_SITE], P[k.PRE_ANGLE] = site, 1.0
             _, out = run(P, S, x=(0, 0, 0, v), duration=0.01)
             assert -1e6 * out[0, k.X_A] == pytest.approx(wanted, rel=1e-9)
-    assert k_laws.rounded(T, w_e, 0.0, 1.0, 0.003) == pytest.approx(T * math.tanh(0.75), rel=1e-12)
+    assert k_laws.rounded(T, w_e, 0.0, 1.0, -0.2, 0.003) == pytest.approx(0.8 * T * math.tanh(0.75), rel=1e-12)
+    assert k_laws.rounded(T, w_e, 0.0, 1.0, -0.2, -0.003) == pytest.approx(-1.2 * T * math.tanh(0.75), rel=1e-12)
+    assert k_laws.rounded(T, w_e, 0.0, 1.0, 0.0, 0.003) == pytest.approx(T * math.tanh(0.75), rel=1e-12)
 
 
 def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):

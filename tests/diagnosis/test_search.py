@@ -1,0 +1,157 @@
+"""Searches that start where an effect is: springs that slip by turns, clipped records, orders held while a line is found."""
+
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.acquisition import relogged
+from jointscope.diagnosis.answer import diagnosis_json
+from jointscope.diagnosis.base import representative
+from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.pipeline import diagnose
+from jointscope.diagnosis.predict import free_prediction, predict_outputs
+from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.resolution import PLATEAU, clips
+from jointscope.diagnosis.search import candidates_for, with_orders_held
+from jointscope.recordings.bandlimited import bandlimited
+
+RATE = -0.09  # 1/s
+NOISE = 0.05  # m/s^2
+
+
+@pytest.fixture(scope="module")
+def hits(builders):
+    """The maker of eight noisy hits of a lightly damped joint whose stiffness drifts within every ring-down."""
+
+    def made(rate: float, sampling: float):
+        K = 2.07e4
+        joint = builders.Plant(
+            K=K, c=4.9, J_L=1.26, weight=0.0, b_l=0.15,
+            extra=lambda t, x: (0.0, K * rate * t * (x[0] - x[2])),
+        )  # fmt: skip
+        rng = np.random.default_rng(5)
+        runs = []
+        for k, peak in enumerate((40.0, 80.0, 160.0, 320.0) * 2):
+            run = builders.hammer_run(joint, peak, f"h{k}", duration=1.8, rate=sampling)
+            force, y = run.streams[0].channels
+            noisy = replace(y, samples=y.samples + NOISE * rng.standard_normal(len(y.samples)))
+            runs.append(replace(run, streams=(replace(run.streams[0], channels=(force, noisy)),)))
+        plate = replace(
+            builders.NAMEPLATE, plane="horizontal", stiffness_reference=1.7e4, inertia_reference=1.1, arm_mass=None,
+            arm_com_radius=None,
+        )  # fmt: skip
+        return builders.campaign_of(runs, plate)
+
+    return made
+
+
+def answered(campaign):
+    problem = prepare(campaign)
+    with ThreadPoolExecutor(2) as pool:
+        found = diagnose(problem, predict_outputs, catalogue(problem), pool)
+        return found, diagnosis_json(found, free_prediction)
+
+
+def test_a_spring_that_slips_by_turns_is_found_from_the_prepared_start(hits):
+    """By the end the phase is a turn off any fixed stiffness; the base wanders off, the law is named all the same."""
+    found, answer = answered(hits(RATE, 1024.0))
+    assert found.decision.chosen.names == ("stiffness-drift@transmission",)
+    assert answer["effects"][0]["parameters"]["rate"]["value"] == pytest.approx(RATE, rel=0.02)
+
+
+def test_a_thinned_record_has_its_floor_and_a_null_stays_one(hits):
+    """Recorded at 8 kHz and compared at 2: the floor of a perfect model is the noise of the whole record."""
+    found, answer = answered(hits(0.0, 8192.0))
+    assert found.problem.runs[0].outputs[0].recorded_rate == 8192.0
+    assert found.decision.verdict == "none"
+    held = json.loads(json.dumps(answer["held_out"]))
+    assert held["noise_floor"] == pytest.approx(held["base_error"], rel=0.25)
+
+
+def test_small_loops_are_tried_too(problem):
+    """A ring-down shows a loop of a ten-thousandth of its torque, and at larger ones its phase slips."""
+    laws = [s for s in catalogue(problem) if s.name == "hysteresis"]
+    smallest = {
+        spec.variant: min(a.values[0] for a in candidates_for(problem, [spec])) / problem.scales.torque
+        for spec in laws
+    }
+    assert smallest["dahl"] < 1e-4 and smallest["bouc-wen"] < 1e-4
+
+
+def test_a_clipped_run_is_always_among_the_few(problem):
+    """Saturation shows in one loud run; without it there is nothing to screen."""
+    where = next(i for i, run in enumerate(problem.runs) if run.run.experiment == "hammer")
+    run = problem.runs[where]
+    level = 0.5 * float(np.max(np.abs(run.outputs[0].data)))
+    flat = replace(run.outputs[0], data=np.clip(run.outputs[0].data, -level, level))
+    assert np.count_nonzero(flat.data == level) + np.count_nonzero(flat.data == -level) >= PLATEAU
+    runs = list(problem.runs)
+    runs[where] = replace(run, outputs=(flat, *run.outputs[1:]))
+    clipped = replace(problem, runs=tuple(runs))
+    assert clips(flat) and not clips(run.outputs[0])
+    positions = tuple(range(len(runs)))
+    assert where in representative(clipped, positions, 1, 1)
+    saturation = next(s for s in catalogue(clipped) if s.name == "sensor-saturation")
+    assert saturation.scale(clipped)[0] == level
+
+
+def test_orders_are_held_only_of_what_is_new(problem):
+    line = next(s for s in catalogue(problem) if s.variant == "cogging")
+    dry = next(s for s in catalogue(problem) if (s.name, s.location) == ("coulomb-friction", "motor"))
+    where = coordinates(problem, (dry, line))
+    x = where.pack(where.start, (ActiveEffect(dry, (1.0,)), ActiveEffect(line, (0.5, 6.0, 0.3))))
+    held = with_orders_held(where, x, where.n_base + len(dry.parameters))
+    fixed = np.flatnonzero(held.lower == held.upper)
+    assert [int(i) for i in fixed] == [where.n_base + len(dry.parameters) + 1]
+    assert with_orders_held(where, x, where.n) is where
+
+
+@pytest.mark.parametrize(("kind", "log_rate"), [("averaged", 500.0), ("held", 250.0)])
+def test_a_log_is_undone_alike_before_and_after_it_is_interpolated(kind, log_rate):
+    """A filter that does not change in time commutes with band-limited interpolation."""
+    rate, fine = 500.0, 3000.0
+    t = np.arange(1000) / rate
+    u = np.sin(2 * np.pi * (4 * t + 9 * t * t)) * np.hanning(t.size)
+    half = np.arange(6 * (t.size - 1) + 1) / fine
+    first = bandlimited(relogged(u, rate, rate, log_rate, kind), rate)(half)
+    after = relogged(bandlimited(u, rate)(half), fine, rate, log_rate, kind)
+    assert np.max(np.abs(first - after)[600:-600]) < 2e-3
+
+
+@pytest.mark.parametrize(("with_effect", "kept"), [((0.05, 20.0), True), ((0.4, 9.0), False)])
+def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_effect, kept):
+    """Open loop an angle drifts off whatever the model; what counts is what can be foretold."""
+    from jointscope.diagnosis import no_worse
+    from jointscope.diagnosis.errors import ChannelError
+
+    def errors(problem, free, held, theta, effects, noise):
+        acceleration, angle = with_effect if effects else (0.3, 7.0)
+        return (
+            ChannelError("r", "torque-sweep", "linear-acceleration@arm", acceleration, math.nan),
+            ChannelError("r", "torque-sweep", "angle@motor", angle, math.nan),
+        )
+
+    def judged(names, effects):
+        return SimpleNamespace(
+            names=names, fit=SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, effects)))
+        )
+
+    monkeypatch.setattr(no_worse, "channel_errors", errors)
+    monkeypatch.setattr(no_worse, "adequacy_of", lambda *_: None)
+    monkeypatch.setattr(no_worse, "replace", lambda thing, **new: SimpleNamespace(**{**vars(thing), **new}))
+    base, chosen = judged((), ()), judged(("backlash@transmission",), ("gap",))
+    decision = SimpleNamespace(
+        verdict="effects", chosen=chosen, ranking=(SimpleNamespace(score=1.0, names=chosen.names),)
+    )
+    run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"))
+    diagnosis = SimpleNamespace(
+        decision=decision, split=SimpleNamespace(held_out=(0,)), problem=SimpleNamespace(runs=(run,)),
+        judgement=SimpleNamespace(base=base, noise=None),
+    )  # fmt: skip
+    assert (no_worse.handed_on(diagnosis, None).decision.verdict == "effects") is kept
