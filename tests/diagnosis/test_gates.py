@@ -201,6 +201,18 @@ def test_a_lead_counts_by_how_far_the_two_are_apart(monkeypatch, apart, sure):
     assert top.names == ("delay@acquisition",) and (top.probability > 0.99) is sure
 
 
+@pytest.mark.parametrize(
+    ("topology", "quantity", "over"),
+    [("arm", "angle", 0.5), ("arm", "linear-acceleration", 5.0), ("two-inertia", "angle", 5.0)],
+)
+def test_only_of_an_arms_motor_angle_more_may_be_left(topology, quantity, over):
+    """2.5 % of a signal in common is too much by five, but of the few encoder steps of an arm's motor it is not."""
+    block = SimpleNamespace(key=("speed-motion", False, quantity, "motor"), excess=5.0 * verdict.LACKING)
+    rig = SimpleNamespace(topology=topology)
+    judgement = SimpleNamespace(objective=SimpleNamespace(problem=SimpleNamespace(rig=rig)))
+    assert verdict.lacking(judgement, SimpleNamespace(blocks=(block,))) == pytest.approx(over)
+
+
 def test_the_law_that_contains_another_must_lead_it(monkeypatch):
     judged = (
         SimpleNamespace(names=()),
