@@ -39,6 +39,7 @@ NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
 REAL_PICKED = 60.0  # of an order that was picked out of all orders
+REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 LIGHTLY = 0.1  # of the stated damping, another start
@@ -324,6 +325,17 @@ def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judg
     return not picked or all(compare(judgement, part, child).gain > REAL_PICKED for part in without)
 
 
+def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
+    """Whether an effect that none of these experiments is made for gains more than what is left of another one does."""
+    runs = (*judgement.objective.prepared, *judgement.held.prepared)
+    experiments = {run.run.experiment for run in runs}
+    if "free" in experiments:  # which may be anything
+        return True
+    hardly = {f"{s.name}@{s.location}" for s in child.hypothesis.specs if not experiments & set(s.revealed_by)}
+    without = [part for part in parts if hardly - set(part.names)]
+    return not hardly or all(compare(judgement, part, child).gain > REAL_UNREVEALED for part in without)
+
+
 def standing(judgement: Judgement) -> list[Judged]:
     """Hypotheses that stand over the base and over every fitted part of themselves, best score first."""
     found = []
@@ -342,7 +354,7 @@ def standing(judgement: Judgement) -> list[Judged]:
         without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]
         if sorted_runs and any(compare(judgement, part, child).gain < REAL_SORTED for part in without):
             continue
-        if not _beyond_the_search(judgement, child, parts):
+        if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue
         if parts:
             found.append(child)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
+CLEARLY = 0.9  # of the base's error over what can be foretold, which a named effect must undercut where all in all it is worse
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
@@ -29,8 +30,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
 
     A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
-    unnamed force that does not is left out. Worse is what is worse over all channels and over those that are told by
-    the model alone: an angle that drifts off takes the phase of an order with it.
+    unnamed force that does not is left out. An effect that is worse over all channels stays where it is clearly better
+    over those that are told by the model alone: open loop an angle drifts off whatever the model.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -49,8 +50,9 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     of_base = error(base)
 
     def worse(judged: Judged) -> bool:
-        pairs = zip(error(judged), of_base, strict=True)
-        return all(mine > (1.0 + WORSE) * theirs for mine, theirs in pairs)
+        whole, told = error(judged)
+        clearly = decision.verdict == "effects" and told < CLEARLY * of_base[1]
+        return whole > (1.0 + WORSE) * of_base[0] and not clearly
 
     if not worse(decision.chosen):
         return diagnosis

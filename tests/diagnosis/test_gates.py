@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis import verdict
+from jointscope.diagnosis import adjudicate, verdict
 from jointscope.diagnosis.gates import REAL, UNASKED, Comparison
 from jointscope.diagnosis.parameters import bounded, near_nameplate
 from jointscope.diagnosis.verdict import TEMPERATURE, contains, distance, rank, temperature
@@ -211,6 +211,25 @@ def test_only_of_an_arms_motor_angle_more_may_be_left(topology, quantity, over):
     rig = SimpleNamespace(topology=topology)
     judgement = SimpleNamespace(objective=SimpleNamespace(problem=SimpleNamespace(rig=rig)))
     assert verdict.lacking(judgement, SimpleNamespace(blocks=(block,))) == pytest.approx(over)
+
+
+@pytest.mark.parametrize(
+    ("experiment", "gain", "revealed"),
+    [
+        ("speed-motion", 140.0, False),
+        ("speed-motion", 400.0, True),
+        ("hammer", 140.0, True),
+        ("free", 140.0, True),
+    ],
+)
+def test_what_experiments_are_not_made_for_takes_more(monkeypatch, experiment, gain, revealed):
+    """140 nats of a loop in motions alone were what a current loop left."""
+    run = SimpleNamespace(run=SimpleNamespace(experiment=experiment))
+    judgement = SimpleNamespace(objective=SimpleNamespace(prepared=(run,)), held=SimpleNamespace(prepared=()))
+    spec = SimpleNamespace(name="hysteresis", location="transmission", revealed_by=("hammer", "torque-sweep"))
+    child = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,)))
+    monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain))
+    assert adjudicate._revealed(judgement, child, (SimpleNamespace(names=()),)) is revealed
 
 
 def test_the_law_that_contains_another_must_lead_it(monkeypatch):

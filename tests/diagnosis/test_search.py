@@ -124,7 +124,9 @@ def test_a_log_is_undone_alike_before_and_after_it_is_interpolated(kind, log_rat
     assert np.max(np.abs(first - after)[600:-600]) < 2e-3
 
 
-@pytest.mark.parametrize(("with_effect", "kept"), [((0.05, 20.0), True), ((0.4, 9.0), False)])
+@pytest.mark.parametrize(
+    ("with_effect", "kept"), [((0.05, 20.0), True), ((0.4, 9.0), False), ((0.29, 9.0), False), ((0.29, 6.0), True)]
+)
 def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_effect, kept):
     """Open loop an angle drifts off whatever the model; what counts is what can be foretold."""
     from jointscope.diagnosis import no_worse
