@@ -42,6 +42,8 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "sliding-mount": _CARRIERS[1:],
     "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
     "rounded": ("rounded-asymmetric",),
+    "cubic": ("piecewise-cubic",),
+    "piecewise": ("piecewise-cubic",),
     "motor-order": ("motor-order-harmonic",),
     "output-order": ("output-order-harmonic",),
     "cogging": ("cogging-harmonic",),

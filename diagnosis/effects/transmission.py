@@ -2,7 +2,7 @@ r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, h
 
     T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
-    T_S = K Delta - dK clip(Delta, +-d)                                          soft at low torque (dK > 0)
+    T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
     T_S = K Delta + T z,  z' = (v/D)(1 - [sgn(v z)/2 + 1/2]|z|^nu),  D = T/stiffness   Bouc-Wen, Dahl, Maxwell-slip
     T_S = K (1 + i eta) Delta, by relaxation branches or rate-independently      structural damping
     T_S = K (1 + rate t) Delta                                                   drift
@@ -50,6 +50,11 @@ def _piecewise(assembly: Assembly, values: Values, weight: float) -> None:
     share, angle = values
     assembly.P[kernel.K_SOFT] = share * assembly.P[kernel.K]
     assembly.P[kernel.SOFT_ANGLE] = angle
+
+
+def _piecewise_cubic(assembly: Assembly, values: Values, weight: float) -> None:
+    _piecewise(assembly, values[:2], weight)
+    _cubic(assembly, values[2:], weight)
 
 
 def _hysteresis(kind: int) -> Apply:
@@ -200,6 +205,25 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=one_start,
         possible=needs_spring,
         limits=_cubic_limits,
+    ),
+    EffectSpec(
+        name="stiffness-nonlinearity",
+        location="transmission",
+        variant="piecewise-cubic",
+        family="stiffness",
+        parameters=(
+            ParameterSpec("soft_share", "1", -1.0, 0.7, null=0.0),
+            ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
+            ParameterSpec("cubic", "N m/rad^3", -1e30, 1e30, null=0.0),
+        ),
+        law="K Delta + k_3 Delta^3 outside +-d, (1 - soft_share) K inside: more slopes than two",
+        revealed_by=_HITS,
+        look_alikes=_SPRING[1:],
+        apply=_piecewise_cubic,
+        scale=lambda problem: (0.02, 0.12, 0.4),
+        starts=lambda problem: tuple((*angle, 0.0) for angle in _soft_starts(problem)),
+        possible=needs_spring,
+        limits=lambda problem: {**_soft_limits(problem), **_cubic_limits(problem)},
     ),
     EffectSpec(
         name="stiffness-nonlinearity",

@@ -75,6 +75,7 @@ def _nonlinear(carrier: Carrier, p: Mapping[str, float], wanted: Wanted) -> Call
             put(draft, carrier, "stiffness", now - soft)
             put_tendon(draft, f"{carrier.name}_low_torque", f'stiffness="{number(soft)}" springlength="-{reach} {reach}"',
                     over_joints(carrier, draft))  # fmt: skip
+        if p.get("cubic") is None:
             return
         if p.get("quadratic"):
             put(draft, carrier, "stiffness", p["quadratic"] / carrier.lever**3, 1)

@@ -118,9 +118,9 @@ def _write(building: Building, entry: Mapping[str, Any]) -> None:
     parameters = {key: float(value) for key, value in entry["parameters"].items() if value is not None}
     if entry.get("range") is not None:  # of the variable that a law without a name depends on
         parameters["low"], parameters["high"] = (float(value) for value in entry["range"])
-    amplitude = next((parameters[key] for key in amplitudes if key in parameters), None)
-    if amplitude is None or amplitude == null or not math.isfinite(amplitude):
-        if amplitude is None and null is not None:
+    sizes = [parameters[key] for key in amplitudes if key in parameters]
+    if all(size == null or not math.isfinite(size) for size in sizes):
+        if not sizes and null is not None:
             raise InputError("model.json", f"effects: {name}@{location}: {amplitudes[0]}", "is missing")
         return  # switched off
     before = len(building.laws)

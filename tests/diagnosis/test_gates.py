@@ -232,6 +232,22 @@ def test_what_experiments_are_not_made_for_takes_more(monkeypatch, experiment, g
     assert adjudicate._revealed(judgement, child, (SimpleNamespace(names=()),)) is revealed
 
 
+@pytest.mark.parametrize(
+    ("names", "travel", "twice"),
+    [
+        (("end-stop", "stiffness-nonlinearity"), 1e-4, True),
+        (("end-stop", "stiffness-nonlinearity"), 1.0, False),
+        (("end-stop", "coulomb-friction"), 1e-4, False),
+        (("end-stop",), 1e-4, False),
+    ],
+)
+def test_a_stop_beside_another_spring_needs_travel(names, travel, twice):
+    problem = SimpleNamespace(scales=SimpleNamespace(travel=travel))
+    judgement = SimpleNamespace(objective=SimpleNamespace(problem=problem))
+    child = SimpleNamespace(hypothesis=SimpleNamespace(specs=tuple(SimpleNamespace(name=name) for name in names)))
+    assert adjudicate._springs_twice(judgement, child) is twice
+
+
 def test_the_law_that_contains_another_must_lead_it(monkeypatch):
     judged = (
         SimpleNamespace(names=()),

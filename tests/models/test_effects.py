@@ -325,3 +325,21 @@ def test_a_description_of_another_format_is_refused(tmp_path):
     (tmp_path / "effects.json").write_text('{"format": "other/1"}')
     with pytest.raises(InputError, match="other/1"):
         read_description(tmp_path / "effects.json")
+
+
+def test_a_spring_of_several_slopes_is_written_by_both_its_parts_and_off_without_either():
+    """Soft inside and stiffening outside: the tendon of the one law and the polynomial of the other."""
+    both = {"soft_share": 0.1, "transition_angle": 1e-4, "cubic": 2e10}
+    texts = {}
+    for name, values in {
+        "both": both, "soft": {**both, "cubic": 0.0}, "cubic": {**both, "soft_share": 0.0},
+        "neither": {**both, "soft_share": 0.0, "cubic": 0.0},
+    }.items():  # fmt: skip
+        entry = {
+            "effect": "stiffness-nonlinearity", "location": "transmission", "law": "piecewise-cubic", "parameters": values,
+        }  # fmt: skip
+        texts[name] = augment({"kind": "diagnosis", "rig": RIG, "base": BASE, "effects": [entry]}).spec.to_xml()
+    plain = augment({"kind": "diagnosis", "rig": RIG, "base": BASE, "effects": []}).spec.to_xml()
+    assert texts["neither"] == plain
+    assert len({*texts.values()}) == 4
+    assert "low-torque" in texts["both"] and "low-torque" in texts["soft"]
