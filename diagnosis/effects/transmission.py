@@ -214,7 +214,7 @@ SPECS: tuple[EffectSpec, ...] = (
         parameters=(
             ParameterSpec("soft_share", "1", -1.0, 0.7, null=0.0),
             ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
-            ParameterSpec("cubic", "N m/rad^3", -1e30, 1e30, null=0.0),
+            ParameterSpec("cubic", "N m/rad^3", -1e30, 1e30),
         ),
         law="K Delta + k_3 Delta^3 outside +-d, (1 - soft_share) K inside: more slopes than two",
         revealed_by=_HITS,

@@ -318,7 +318,7 @@ def damage(folder, rng):
             elif path.suffix == ".csv" and not plain:
                 path.write_text(damage_csv(data.decode(), rng), encoding="utf-8", newline="")
             elif path.suffix == ".npz" and not plain:
-                with np.load(path) as held:
+                with np.load(io.BytesIO(data)) as held:
                     columns = {key: held[key] for key in held}
                 np.savez(path, **damage_columns(columns, rng))
             elif path.suffix == ".h5" and not plain:
