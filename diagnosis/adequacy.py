@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from jointscope.diagnosis.noise import ANGULAR, Key, NoiseModel, block_key, dynamic_level, quantum
+from jointscope.diagnosis.noise import ANGULAR, Key, NoiseModel, block_key, dynamic_level, fast_part, quantum
 from jointscope.diagnosis.whiten import is_hit, run_whitener, without_scatter
 
 if TYPE_CHECKING:
@@ -146,8 +146,8 @@ class _Take:
 
 def _take(run: PreparedRun, output: Output, base: Vector, model: Vector) -> _Take:
     size = dynamic_level(output) or math.inf
-    if output.quantity in ANGULAR and output.mask.any():  # an encoder's standing offset is no mismatch
-        base, model = (x - np.mean(x[output.mask]) for x in (base, model))
+    if output.quantity in ANGULAR and output.mask.any():  # nor is an encoder's standing offset a mismatch
+        base, model = (fast_part(output, x) for x in (base, model))
     masked = [np.where(output.mask, x, 0.0) / size for x in (base, model)]
     return _Take(output, is_hit(run), masked[0], masked[1], quantum(output) ** 2 / 12.0 / size**2)
 

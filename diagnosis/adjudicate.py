@@ -39,8 +39,6 @@ NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
 REAL_PICKED = 60.0  # of an order that was picked out of all orders
-SPRING_LAWS = {"stiffness-nonlinearity", "backlash", "hysteresis"}
-TRAVELS = 0.02  # rad or m, beyond which an angle of the arm is more than its wind-up
 REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
@@ -266,19 +264,19 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]
     unreached = any(s.local for s in added) and foretold < UNREACHED * expected
     return Comparison(
-        gain,
-        held_gain,
-        expected,
-        foretold,
-        agreeing,
-        lost,
-        material,
-        share,
-        len(parent.names),
-        parent_gain,
-        unreached,
-        rest,
-        all(spec.exact for spec in parent.hypothesis.specs),
+        gain=gain,
+        held_gain=held_gain,
+        expected_held=expected,
+        foretold_held=foretold,
+        share_of_runs=agreeing,
+        lost=lost,
+        material=material,
+        share=share,
+        parents=len(parent.names),
+        parent_gain=parent_gain,
+        unreached=unreached,
+        rest=rest,
+        exact=all(spec.exact for spec in parent.hypothesis.specs),
     )
 
 
@@ -327,14 +325,6 @@ def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judg
     return not picked or all(compare(judgement, part, child).gain > REAL_PICKED for part in without)
 
 
-def _springs_twice(judgement: Judgement, child: Judged) -> bool:
-    """Whether a stop stands beside another law of the spring where the arm does not travel: there it is one itself."""
-    names = {spec.name for spec in child.hypothesis.specs}
-    return (
-        "end-stop" in names and bool(names & SPRING_LAWS) and judgement.objective.problem.scales.travel < TRAVELS
-    )
-
-
 def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
     """Whether an effect that none of these experiments is made for gains more than what is left of another one does."""
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
@@ -363,8 +353,6 @@ def standing(judgement: Judgement) -> list[Judged]:
         sorted_runs = [spec.name for spec in child.hypothesis.specs if spec.run_weights is not None]
         without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]
         if sorted_runs and any(compare(judgement, part, child).gain < REAL_SORTED for part in without):
-            continue
-        if _springs_twice(judgement, child):
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue

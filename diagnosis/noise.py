@@ -90,12 +90,17 @@ def block_key(run: PreparedRun, output: Output) -> Key:
     )
 
 
+def fast_part(output: Output, x: Vector) -> Vector:
+    """An angle, or what is left of it, less the slow part that an observer follows, shape of ``x``."""
+    window = max(3, round(output.rate * FOLLOWED / output.followed_to))
+    return np.asarray(x - uniform_filter1d(x, window, mode="nearest"))
+
+
 def dynamic_part(output: Output) -> Vector:
     """What the output does beyond its slow part over the scored samples [the output's unit], shape (n_scored,)."""
     data = output.data[output.mask]
     if output.quantity in ANGULAR:
-        window = max(3, round(output.rate * FOLLOWED / output.followed_to))
-        return np.asarray(data - uniform_filter1d(data, window, mode="nearest"))
+        return fast_part(output, data)
     return np.asarray(data - np.median(data)) if data.size else data
 
 

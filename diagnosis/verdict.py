@@ -13,7 +13,6 @@ from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.gates import OF_PARENT, Comparison
-from jointscope.diagnosis.noise import ANGULAR
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
 
@@ -37,9 +36,6 @@ MATTERS = 0.02  # of the signal's rms, below which an error's colour says nothin
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
 LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
-)
-AN_ARMS_ANGLE = (
-    10.0  # times as much of the motor angle of an arm, left by nulls that were simulated on another grid
 )
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
@@ -156,18 +152,6 @@ def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
     return adequacy(runs, judgement.noise, base, model)
 
 
-def lacking(judgement: Judgement, fit: Adequacy) -> float:
-    """What the base leaves and runs driven alike have in common, over what may be left [-].
-
-    Of an arm's motor angle a tenth of what moves within a quarter second is a few encoder steps: more may be left.
-    """
-    arm = judgement.objective.problem.rig.topology == "arm"
-    allowed = {
-        block.key: LACKING * (AN_ARMS_ANGLE if arm and block.key[2] in ANGULAR else 1.0) for block in fit.blocks
-    }
-    return max((block.excess / allowed[block.key] for block in fit.blocks), default=0.0)
-
-
 def grows_with_signal(judgement: Judgement) -> float:
     """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent."""
     blocks = judgement.noise.blocks.items()
@@ -192,7 +176,7 @@ def decide(judgement: Judgement) -> Decision:
     fit = adequacy_of(judgement, top.judged)
     if not top.names:
         lack = max(
-            lacking(judgement, fit), grows_with_signal(judgement) / GROWING, foreseen(judgement, fit) / FORESEEN
+            fit.base_left / LACKING, grows_with_signal(judgement) / GROWING, foreseen(judgement, fit) / FORESEEN
         )
         if lack > 1.0:
             return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)

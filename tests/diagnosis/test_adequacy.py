@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from jointscope.diagnosis.adequacy import adequacy, input_period
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
@@ -51,6 +52,23 @@ def test_explained_runs_from_nothing_to_all():
     assert abs(judged(1.0).explained) < 0.02
     assert np.isclose(judged(0.5).explained, 0.75, atol=0.03)
     assert np.isclose(judged(0.0).explained, 1.0, atol=0.03)
+
+
+@pytest.mark.parametrize(("frequency", "left"), [(0.1, False), (20.0, True)])
+def test_what_an_observer_follows_of_an_angle_is_no_mismatch(frequency, left):
+    """A slow error of an encoder is the same in both runs and counts for nothing; a fast one of its size does."""
+    rng = np.random.default_rng(5)
+    error = 0.02 * np.sin(2 * np.pi * frequency * T)
+    runs = []
+    for _ in range(2):
+        run = repeat(sweep() + error + 1e-4 * rng.standard_normal(len(T)), sweep())
+        run.outputs[0].quantity, run.outputs[0].followed_to = "angle", 4.0
+        runs.append(run)
+    noise = NoiseModel(
+        {block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 1e-4, 1e-4, 0.0) for r in runs}, 0.0, 0.0
+    )
+    found = adequacy(runs, noise, [(sweep(),)] * 2, [(sweep(),)] * 2)
+    assert (found.base_left > 0.01) is left
 
 
 def test_a_periodic_excitation_is_known_and_a_sweep_is_not():

@@ -202,18 +202,6 @@ def test_a_lead_counts_by_how_far_the_two_are_apart(monkeypatch, apart, sure):
 
 
 @pytest.mark.parametrize(
-    ("topology", "quantity", "over"),
-    [("arm", "angle", 0.5), ("arm", "linear-acceleration", 5.0), ("two-inertia", "angle", 5.0)],
-)
-def test_only_of_an_arms_motor_angle_more_may_be_left(topology, quantity, over):
-    """2.5 % of a signal in common is too much by five, but of the few encoder steps of an arm's motor it is not."""
-    block = SimpleNamespace(key=("speed-motion", False, quantity, "motor"), excess=5.0 * verdict.LACKING)
-    rig = SimpleNamespace(topology=topology)
-    judgement = SimpleNamespace(objective=SimpleNamespace(problem=SimpleNamespace(rig=rig)))
-    assert verdict.lacking(judgement, SimpleNamespace(blocks=(block,))) == pytest.approx(over)
-
-
-@pytest.mark.parametrize(
     ("experiment", "gain", "revealed"),
     [
         ("speed-motion", 140.0, False),
@@ -230,22 +218,6 @@ def test_what_experiments_are_not_made_for_takes_more(monkeypatch, experiment, g
     child = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,)))
     monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain))
     assert adjudicate._revealed(judgement, child, (SimpleNamespace(names=()),)) is revealed
-
-
-@pytest.mark.parametrize(
-    ("names", "travel", "twice"),
-    [
-        (("end-stop", "stiffness-nonlinearity"), 1e-4, True),
-        (("end-stop", "stiffness-nonlinearity"), 1.0, False),
-        (("end-stop", "coulomb-friction"), 1e-4, False),
-        (("end-stop",), 1e-4, False),
-    ],
-)
-def test_a_stop_beside_another_spring_needs_travel(names, travel, twice):
-    problem = SimpleNamespace(scales=SimpleNamespace(travel=travel))
-    judgement = SimpleNamespace(objective=SimpleNamespace(problem=problem))
-    child = SimpleNamespace(hypothesis=SimpleNamespace(specs=tuple(SimpleNamespace(name=name) for name in names)))
-    assert adjudicate._springs_twice(judgement, child) is twice
 
 
 def test_the_law_that_contains_another_must_lead_it(monkeypatch):
