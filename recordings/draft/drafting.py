@@ -143,6 +143,9 @@ def _channels(
 ) -> list[Draft]:
     found = []
     for column in record.columns:
+        if not np.isfinite(np.asarray(column.read())).any():  # what a driver names and does not measure
+            unplaced.append(f"{record.file.name}: {column.name} holds no number")
+            continue
         stated = columns.get(column.name, columns.get(column.name.rsplit("/", 1)[-1], {}))
         if column.label == EFFORT and "quantity" not in stated and not stated.get("ignore", False):
             stated = {**stated, **_effort(record, column, ask)}
@@ -221,7 +224,7 @@ def _runs_of(
             {"id": run_identity(record, number if len(windows) > 1 else 0, taken), **keys.values},
             dict(keys.guessed),
         )
-        stream = stream_draft(record, name, rate)
+        stream = stream_draft(record, name, rate, channels)
         if window is not None:
             stream.guess(
                 "window", list(window), f"hit {number} of {len(windows)}, with {1e3 * 0.1:.0f} ms before it"

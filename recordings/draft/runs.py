@@ -65,7 +65,7 @@ def guess_experiment(channels: Sequence[Draft], record: Record) -> tuple[str, st
     return "free", "no excitation was recognised"
 
 
-def stream_draft(record: Record, name: str, rate: float | None) -> Draft:
+def stream_draft(record: Record, name: str, rate: float | None, channels: Sequence[Draft]) -> Draft:
     """The stream's own keys."""
     draft = Draft({"file": name})
     if rate is not None and "taken as" in record.rate_from and rate == record.rate:
@@ -76,6 +76,10 @@ def stream_draft(record: Record, name: str, rate: float | None) -> Draft:
         draft.state("time", record.time)
     if record.time is not None and not record.uniform:
         draft.guess("gaps", "mask", "the time stamps are not uniform; rows may be missing")
+    used = {channel.values["column"] for channel in channels}
+    missing = [c.name for c in record.columns if c.name in used and np.isnan(np.asarray(c.read())).any()]
+    if missing:
+        draft.guess("gaps", "mask", f"values of {missing[0]} are missing")
     return draft
 
 

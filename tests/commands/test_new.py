@@ -180,3 +180,32 @@ def test_only_what_the_files_do_not_say_is_asked_and_an_answer_is_no_guess(tmp_p
         "angular-velocity",
     ]
     assert "radius" not in channels[0].guessed and channels[0].values["radius"] == 0.8
+
+
+def test_a_column_without_a_number_is_left_out_and_a_gap_is_masked(tmp_path, capsys):
+    """Drivers name joints' positions that they don't measure; a line that was lost is no reason to refuse the rest."""
+    t = np.arange(2000) / RATE
+    speed = np.sin(2 * np.pi * 2.0 * t)
+    speed[700:705] = np.nan
+    write_csv(tmp_path / "take.csv", time=t, current=np.cos(2 * np.pi * 2.0 * t), speed=speed, angle=np.nan * t)
+    words = ["new", str(tmp_path / "take.csv"), "--rate", "1000", "--yes", "--out", str(tmp_path / "c")]
+    assert main(words) == 0
+    assert "take.csv: angle holds no number" in capsys.readouterr().out
+    run = read_campaign(tmp_path / "c").runs[0]
+    assert [channel.quantity for channel in run.streams[0].channels] == ["current", "angular-velocity"]
+    assert (
+        'gaps = "mask"  # GUESSED: values of speed are missing' in (tmp_path / "c" / "campaign.toml").read_text()
+    )
+
+
+def test_an_error_in_the_making_names_the_users_file(tmp_path, capsys):
+    t = np.arange(2000) / RATE
+    current = np.cos(2 * np.pi * 2.0 * t)
+    current[700] = np.inf
+    write_csv(tmp_path / "take.csv", time=t, current=current)
+    words = ["new", str(tmp_path / "take.csv"), "--rate", "1000", "--yes", "--out", str(tmp_path / "c")]
+    assert main(words) != 0
+    said = capsys.readouterr().err
+    assert str(tmp_path / "take.csv") in said
+    assert ".tmp" not in said
+    assert not (tmp_path / "c").exists()

@@ -40,11 +40,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jointscope.errors import JointscopeError
     from jointscope.recordings.draft.records import Record
 
 
@@ -86,7 +87,7 @@ def _make(options: argparse.Namespace, records: Sequence[Record]) -> dict[str, A
     import shutil
 
     from jointscope.atomic import new_directory
-    from jointscope.errors import InputError
+    from jointscope.errors import InputError, JointscopeError
     from jointscope.recordings.draft.drafting import draft_campaign, read_answers
     from jointscope.recordings.draft.text import draft_text
     from jointscope.recordings.reader import read_campaign
@@ -108,13 +109,26 @@ def _make(options: argparse.Namespace, records: Sequence[Record]) -> dict[str, A
         for path, name in names.items():
             shutil.copyfile(path, folder / name)
         (folder / "campaign.toml").write_text(text, encoding="utf-8")
-        read_campaign(folder)
+        try:
+            read_campaign(folder)
+        except JointscopeError as problem:
+            raise _by_own_names(problem, folder, names) from problem
     return {
         "campaign": str(options.out),
         "runs": [run.keys.values["id"] for run in runs],
         "guesses": text.count("# GUESSED: ") - text.count('"# GUESSED: ...'),
         "unplaced": unplaced,
     }
+
+
+def _by_own_names(problem: JointscopeError, folder: Path, names: Mapping[Path, str]) -> JointscopeError:
+    """The same error, of the user's file and not of its copy in the making."""
+    from jointscope.errors import JointscopeError
+
+    text = str(problem)
+    for path, name in names.items():
+        text = text.replace(str(folder / name), str(path))
+    return JointscopeError(text.replace(f"{folder}/", ""))
 
 
 def _state_efforts(records: Sequence[Record], answers: dict[str, Any], effort: str) -> None:
