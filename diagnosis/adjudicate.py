@@ -10,14 +10,16 @@ hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stan
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
+from jointscope.diagnosis.echo import echoes
 from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
@@ -98,12 +100,15 @@ class Judgement:
     Attributes:
         objective: The fitted runs, whitened.
         held: The held-out runs, whitened likewise.
+        echo: Per experiment and channel, over fitted and held-out runs: energy of what the noise of a torque log makes
+            the leading hypothesis do [the outputs' units squared].
     """
 
     judged: tuple[Judged, ...]
     objective: Objective
     held: Objective
     noise: NoiseModel
+    echo: dict[Kind, float]
 
     @property
     def base(self) -> Judged:
@@ -131,7 +136,8 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
     judged = tuple(evidence(h, objective, held) for h in everything)
-    return Judgement(judged, objective, held, noise)
+    whole = replace(objective, runs=(*objective.runs, *held_runs), whiteners=())
+    return Judgement(judged, objective, held, noise, echoes(whole, *best.fit.coordinates.unpack(best.fit.x)))
 
 
 def _viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
@@ -232,28 +238,49 @@ def improvement(
     base: dict[Kind, tuple[float, float]],
     before: dict[Kind, tuple[float, float]],
     after: dict[Kind, tuple[float, float]],
+    echo: Mapping[Kind, float] = MappingProxyType({}),
 ) -> tuple[float, float, float]:
-    """(material, share, rest) of :class:`Comparison` from the error energies of base, parent and child."""
+    """(material, share, rest) of :class:`Comparison` from the error energies of base, parent and child.
+
+    Of what is explained, what the noise of a log makes the model do (``echo``) does not count.
+    """
     best = (0.0, 0.0, 0.0)
     for key, (parent, signal) in before.items():
         gained, whole = parent - after[key][0], base[key][0] - after[key][0]
-        if signal > 0.0 and gained > 0.0:
+        beyond = gained - echo.get(key, 0.0)
+        if signal > 0.0 and beyond > 0.0:
             share = math.sqrt(gained / whole) if whole > 0.0 else 1.0
-            best = max(best, (math.sqrt(gained / signal), min(share, 1.0), gained / parent))
+            best = max(best, (math.sqrt(beyond / signal), min(share, 1.0), gained / parent))
     return best
+
+
+def _drowned(judgement: Judgement, parent: Judged, child: Judged) -> set[str]:
+    """Experiments in which all that the child explains is no more than the echo of a log's noise."""
+    heard: dict[str, bool] = {}
+    for key, echo in judgement.echo.items():
+        gained = parent.energies[key][0] - child.energies[key][0]
+        heard[str(key[0])] = heard.get(str(key[0]), False) or gained > echo
+    return {experiment for experiment, above in heard.items() if not above}
+
+
+def _heard(gains: Vector, objective: Objective, drowned: set[str]) -> Vector:
+    """The gain of every run, and nothing of those in which the child only follows an echo."""
+    silent = np.array([run.run.experiment in drowned for run in objective.prepared], dtype=bool)
+    return np.where(silent, np.minimum(gains, 0.0), gains)
 
 
 def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     """The child's case against the parent."""
     sizes = np.array([sum(w.sizes) for w in judgement.objective.whiteners])
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / max(int(sizes.sum()), 1))
-    raw = 0.5 * (parent.fitted - child.fitted) / overdispersion
+    drowned = _drowned(judgement, parent, child)
+    raw = _heard(0.5 * (parent.fitted - child.fitted) / overdispersion, judgement.objective, drowned)
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
-    material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies)
+    material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies, judgement.echo)
     held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
-        held = 0.5 * (parent.held_out - child.held_out) / overdispersion
+        held = _heard(0.5 * (parent.held_out - child.held_out) / overdispersion, judgement.held, drowned)
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
         agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))

@@ -1,0 +1,62 @@
+"""What the noise of a torque log makes a model do: the least that an effect must explain in runs that the log drives.
+
+The log's white noise is taken off as well as can be (``input_estimate``), never wholly: what remains drives the model and
+not the joint, and rings at the joint's resonance. Its size is found by doing it again: noise of the same size is put onto
+the torque as estimated, taken off once more, and what both torques make the model do is compared (parametric bootstrap,
+Efron and Tibshirani 1993, section 6.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.input_estimate import estimated_input
+from jointscope.recordings.bandlimited import bandlimited
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.problem import PreparedRun
+
+Vector = NDArray[np.float64]
+Kind = tuple[object, ...]
+
+SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
+
+
+def noisy_again(run: PreparedRun) -> PreparedRun:
+    """The run as another log of the same torque would drive it; unchanged where nothing is logged."""
+    motor = run.motor
+    if motor is None:
+        return run
+    rate, start = motor.signal.rate, motor.signal.start
+    noise = motor.noise * np.random.default_rng(SEED).standard_normal(motor.samples.size)
+    samples = estimated_input(motor.samples + noise, rate)
+    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
+    error = bandlimited(samples - motor.samples, rate, start)(half)
+    drive = replace(motor, samples=samples, signal=bandlimited(samples, rate, start))
+    return replace(run, motor=drive, motor_half=run.motor_half + error)
+
+
+def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> dict[Kind, float]:
+    """Energy of the echo per experiment and channel, over the scored samples [the outputs' units squared]."""
+
+    def apart(run: PreparedRun) -> list[Vector]:
+        if run.motor is None or not run.motor.noise > 0.0:
+            return []
+        both = (objective.predict(r, theta, effects, objective.problem) for r in (run, noisy_again(run)))
+        return [b - a for a, b in zip(*both, strict=True)]
+
+    found: dict[Kind, float] = {}
+    for run, echo in zip(objective.prepared, objective.map(apart, objective.prepared), strict=True):
+        for output, x in zip(run.outputs, echo, strict=False):
+            key = (run.run.experiment, output.quantity, output.location, output.direction)
+            x = asked_only(x, below_excitation(run, output))[output.mask]
+            energy = float(x @ x)
+            found[key] = found.get(key, 0.0) + (energy if np.isfinite(energy) else 0.0)
+    return found

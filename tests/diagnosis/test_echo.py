@@ -1,0 +1,89 @@
+"""What the noise of a torque log makes a model do, and that an effect must explain more than that."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt, sosfreqz
+
+from jointscope.diagnosis.adjudicate import _drowned, _heard, improvement
+from jointscope.diagnosis.echo import echoes
+from jointscope.diagnosis.inputs import Drive
+from jointscope.diagnosis.objective import Objective
+from jointscope.recordings.bandlimited import bandlimited
+
+RATE, COUNT = 1000.0, 8192
+BAND = 0.3  # of half the rate, that the torque fills
+KEY = ("torque-sweep", "linear-acceleration", "arm", "tangential")
+
+
+@dataclass(frozen=True)
+class Take:
+    """As much of a prepared run as an echo needs."""
+
+    motor: Drive | None
+    motor_half: np.ndarray
+    outputs: tuple
+    run: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(experiment=KEY[0]))
+    mode: str = "braked"
+    t0: float = 0.0
+    grid_rate: float = RATE
+    steps: int = COUNT - 1
+
+
+def take(noise):
+    """A torque that fills its band, 1 N m rms, and a log of it with white noise [N m]."""
+    rng = np.random.default_rng(4)
+    torque = sosfiltfilt(butter(8, BAND, output="sos"), rng.standard_normal(COUNT))
+    torque /= np.std(torque)
+    half = np.repeat(torque, 2)[:-1]
+    output = SimpleNamespace(
+        quantity=KEY[1], location=KEY[2], direction=KEY[3], rate=RATE, mask=np.ones(COUNT, bool)
+    )
+    drive = Drive(bandlimited(torque, RATE, 0.0), 0, 1.0, True, torque, noise)
+    return Take(drive, half, (output,))
+
+
+def echo_of(run, gain=1.0):
+    """Of a model whose output is ``gain`` times the torque."""
+    with ThreadPoolExecutor(1) as pool:
+        objective = Objective(SimpleNamespace(runs=(run,)), lambda r, *_: (gain * r.motor_half[::2],), (0,), pool)
+        return echoes(objective, np.zeros(0), ())
+
+
+def test_where_the_log_holds_a_signal_its_noise_is_left_in_it():
+    """White noise of 0.01 N m keeps the share of its power that lies where the torque is stronger than it."""
+    power = np.abs(sosfreqz(butter(8, BAND, output="sos"))[1]) ** 4
+    share = np.mean(power / np.mean(power) > 0.01**2)
+    assert 0.3 < share < 0.45
+    assert echo_of(take(0.01))[KEY] == pytest.approx(share * 0.01**2 * COUNT, rel=0.1)
+
+
+def test_an_echo_is_as_strong_as_the_noise_and_the_model():
+    """Twice the noise, or twice the gain: four times the energy."""
+    one = echo_of(take(0.01))[KEY]
+    assert echo_of(take(0.02))[KEY] == pytest.approx(4.0 * one, rel=0.1)
+    assert echo_of(take(0.01), gain=2.0)[KEY] == pytest.approx(4.0 * one, rel=1e-9)
+
+
+def test_a_clean_log_has_no_echo():
+    assert echo_of(take(0.0)) == {}
+
+
+@pytest.mark.parametrize(("echo", "material"), [(0.0, 0.1), (0.75, 0.05), (1.0, 0.0), (3.0, 0.0)])
+def test_what_an_echo_could_explain_does_not_count(echo, material):
+    """1 of 100 is explained: 10 % in rms; less the echo's energy, 5 %, and nothing."""
+    before, after = {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}
+    assert improvement(before, before, after, {KEY: echo})[0] == pytest.approx(material)
+
+
+@pytest.mark.parametrize(("echo", "counted"), [(0.5, [7.0, -2.0, 9.0]), (2.0, [0.0, -2.0, 9.0])])
+def test_gains_of_runs_that_only_follow_an_echo_do_not_count(echo, counted):
+    """Losses do, and so do the gains of hits, which no log drives."""
+    runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=e)) for e in (KEY[0], KEY[0], "hammer"))
+    parent, child = SimpleNamespace(energies={KEY: (5.0, 100.0)}), SimpleNamespace(energies={KEY: (4.0, 100.0)})
+    drowned = _drowned(SimpleNamespace(echo={KEY: echo}), parent, child)
+    found = _heard(np.array([7.0, -2.0, 9.0]), SimpleNamespace(prepared=runs), drowned)
+    np.testing.assert_array_equal(found, counted)
