@@ -9,6 +9,7 @@ import numpy as np
 
 from jointscope.diagnosis.adjudicate import Judged, compare
 from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
+from jointscope.diagnosis.constancy import changes_json
 from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
 from jointscope.diagnosis.gates import Comparison
@@ -219,6 +220,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "parameter_shift": parameter_shift(problem, chosen, found),
         **next_json(diagnosis),
         "remainder": remainder_json(diagnosis.remainder),
+        "changes": changes_json(diagnosis.changes),
         "not_seen": unseen_json(diagnosis.not_seen),
         "noise": {
             "hit_gain": judgement.noise.gain,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.alignment import inexact, realigned
 from jointscope.diagnosis.base import Stage, refit_base
+from jointscope.diagnosis.constancy import Change, changes
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
@@ -23,7 +24,7 @@ from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.split import Split, split_runs
-from jointscope.diagnosis.verdict import Decision, decide, with_remainder, with_unknown_force
+from jointscope.diagnosis.verdict import Decision, decide, with_changes, with_remainder, with_unknown_force
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -50,6 +51,7 @@ class Diagnosis:
         suggestion: The recording to make next, where one is needed.
         not_seen: Effects that were not found, and the size that would have shown.
         remainder: What the chosen model leaves that still follows the input, per kind of channel.
+        changes: How far the size of named effects moves within runs.
     """
 
     problem: Problem
@@ -63,6 +65,7 @@ class Diagnosis:
     suggestion: Suggestion | None = None
     not_seen: tuple[Unseen, ...] = ()
     remainder: tuple[Remainder, ...] = ()
+    changes: tuple[Change, ...] = ()
 
 
 def diagnose(
@@ -95,13 +98,16 @@ def diagnose(
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
     left = remainders(judgement, decision.chosen)
-    decision = with_remainder(decision, left)
+    changing = changes(judgement, decision.chosen) if decision.verdict == "effects" else ()
+    decision = with_changes(with_remainder(decision, left), changing)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None
     if (decision.verdict == "none" or decision.unknown_reason == "outside-catalogue") and black_box is not None:
         decision = with_unknown_force(judgement, decision, black_box)
-    whole = Diagnosis(problem, split, stage, screening, judgement, decision, where, black_box, remainder=left)
+    whole = Diagnosis(
+        problem, split, stage, screening, judgement, decision, where, black_box, remainder=left, changes=changing
+    )
     whole = handed_on(whole, free_prediction)
     report("weighing what to record next")
     suggestion = suggest(problem, judgement, whole.decision, pool)

@@ -12,6 +12,7 @@ import numpy as np
 from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.gates import OF_PARENT, Comparison
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
@@ -220,6 +221,17 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
         verdict="unknown",
         probability=_beyond(most / (MORE_LEFT * named)),
         unknown_reason="outside-catalogue",
+    )
+
+
+def with_changes(decision: Decision, found: Sequence[Change]) -> Decision:
+    """The answer in view of effects that don't keep their size within a run: what was named only resembles what is there."""
+    standing_out = [c for c in found if c.stands]
+    if not standing_out or decision.verdict != "effects":
+        return decision
+    most = max(abs(c.relative) for c in standing_out)
+    return replace(
+        decision, verdict="unknown", probability=_beyond(most / CHANGES), unknown_reason="outside-catalogue"
     )
 
 

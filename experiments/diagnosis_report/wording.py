@@ -195,8 +195,8 @@ def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
 
 
 def _following(answer: dict[str, Any]) -> str:
-    """Where the residual still follows the input, if anywhere."""
-    left = answer.get("remainder") or []
+    """What shows it: an effect that does not keep its size, or a residual that still follows the input."""
+    left = [*(answer.get("changes") or []), *(answer.get("remainder") or [])]
     return f" In {left[0]['sentence']}." if left else ""
 
 
