@@ -53,12 +53,7 @@ def afresh(
         for factor in FACTORS
         if factor > 0.0 or _two_sided(active)
     ]
-
-    def cost(active: ActiveEffect) -> float:
-        parts = [objective.run_residual(i, where.start, (active,)) for i in range(len(objective.runs))]
-        return float(sum(p @ p for p in parts))
-
-    costs = objective.map(cost, trials)
+    costs = objective.map(lambda active: objective.misfit(where.start, (active,)), trials)
     nearest: dict[tuple[str, str], tuple[float, ActiveEffect]] = {}
     for found, active in sorted(zip(costs, trials, strict=True), key=lambda pair: pair[0]):
         if found < start.chi2:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
 from jointscope.diagnosis.whiten import is_hit
-from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -69,22 +68,13 @@ def compared(run: PreparedRun, declared: Output) -> Output:
     return next((o for o in run.outputs if o.channel == declared.channel), declared)
 
 
-def _beyond(whole: Output, thin: Output) -> float:
-    """Mean square of what thinning took off a record, which no model predicts [the output's unit squared]."""
-    if thin.recorded_rate is None or whole.quantity in ANGULAR or not np.any(whole.data):
-        return 0.0
-    kept = bandlimited(thin.data, thin.rate, float(thin.times[0]))(whole.times)
-    taken = (whole.data - kept)[whole.mask] if whole.mask.size == whole.data.size else whole.data - kept
-    return float(np.mean(np.square(taken))) if taken.size else 0.0
-
-
 def floor_of(run: PreparedRun, output: Output, noise: NoiseModel, predicted: Vector) -> float:
     """RMS of what a perfect model leaves: the block's noise and, for hits, gain and timing scatter [output's unit]."""
     thin = compared(run, output)
     block = noise.blocks.get(block_key(run, thin))
     if block is None:
         return float("nan")
-    variance = block.marginal**2 + _beyond(output, thin)
+    variance = block.marginal**2 + thin.taken_off
     if is_hit(run):
         departure = predicted - predicted[0]
         variance += (noise.gain * rms(departure)) ** 2 + (

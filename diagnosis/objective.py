@@ -89,6 +89,11 @@ class Objective:
         run = self.problem.runs[self.runs[position]]
         return self.whiten_run(position, self.predict(run, theta, effects, self.problem))
 
+    def misfit(self, theta: Vector, effects: tuple[ActiveEffect, ...]) -> float:
+        """w @ w of all runs, one after the other on the caller's thread: many trials are compared side by side."""
+        parts = [self.run_residual(i, theta, effects) for i in range(len(self.runs))]
+        return float(sum(p @ p for p in parts))
+
     def residual(self, x: Vector, where: Coordinates) -> Vector:
         """w at ``x``, runs stacked, shape (n,)."""
         theta, effects = where.unpack(x)

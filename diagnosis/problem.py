@@ -42,6 +42,8 @@ class Output:
         channel: Position of (stream, channel) in the run.
         step: The recorder's, where the record was thinned and no longer sits on its grid [the channel's unit].
         recorded_rate: Before it was thinned [Hz]; ``None`` where it was not.
+        taken_off: Mean square of what the recorded channel holds beyond its thinned ``data``, which no model predicts [the
+            channel's unit squared]; 0 for angles, inputs, and where it was not thinned.
     """
 
     quantity: str
@@ -67,6 +69,7 @@ class Output:
     channel: tuple[int, int] = (0, 0)
     step: float | None = None
     recorded_rate: float | None = None
+    taken_off: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from jointscope.diagnosis.channels import ACCELERATIONS, recorded
-from jointscope.diagnosis.noise import quantum
+from jointscope.diagnosis.noise import ANGULAR, quantum
 from jointscope.diagnosis.problem import Output
+from jointscope.recordings.bandlimited import bandlimited
 
 Vector = NDArray[np.float64]
 
@@ -36,6 +37,18 @@ def thinned(output: Output, *, hits: bool) -> Output:
     data = recorded(output.data, output.rate, float(output.times[0]), times, rate)
     step_of = quantum(output)
     return replace(output, rate=rate, times=times, data=data, mask=mask, step=step_of, recorded_rate=output.rate)
+
+
+def taken_off(whole: Output, thin: Output) -> float:
+    """Mean square of what ``thin`` lacks of the ``whole`` record, a high-pass included [the channel's unit squared].
+
+    Angles lose nothing to thinning, and of a single sample nothing can be said.
+    """
+    if thin.recorded_rate is None or whole.quantity in ANGULAR or thin.data.size < 2:
+        return 0.0
+    kept = bandlimited(thin.data, thin.rate, float(thin.times[0]))(whole.times)
+    lost = (whole.data - kept)[whole.mask]
+    return float(np.mean(np.square(lost))) if lost.size else 0.0
 
 
 def clips(output: Output) -> bool:

@@ -7,14 +7,15 @@ explained by something.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -71,21 +72,16 @@ def rivals(
     found: list[Hypothesis] = []
     far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
     done = {names for names, loss in known.items() if loss < far}
-    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
-    for position, spec in enumerate(leader.specs):
-        others = tuple(e for k, e in enumerate(effects) if k != position)
-        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
-        for name in spec.look_alikes:
-            trials = [c for c in candidates if c.spec.name == name and name_of(c.spec) not in names_of(kept)]
-            trials = [c for c in trials if names_of((*kept, c.spec)) not in done]
+    for place in _places(leader):
+        for name in place.spec.look_alikes:
+            trials = [c for c in candidates if c.spec.name == name and name_of(c.spec) not in names_of(place.kept)]
+            trials = [c for c in trials if names_of((*place.kept, c.spec)) not in done]
             if not trials:
                 continue
-            trials.extend(_same_numbers(trials, effects[position]))
-            active = _telling(objective, without(objective, leader.fit, position), trials)
-            done.add(names_of((*kept, active.spec)))
-            fit = fit_child(objective, base, [*others, active], effort, [theta])
-            if fit is not None:
-                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+            trials.extend(_same_numbers(trials, place.effect))
+            active = _telling(objective, without(objective, leader.fit, place.position), trials)
+            done.add(names_of((*place.kept, active.spec)))
+            found.extend(_in_place(objective, base, place, active, effort))
     return found
 
 
@@ -97,26 +93,21 @@ def grown(
     A Stribeck friction that starts elsewhere ends above the Coulomb friction that it contains.
     """
     found: list[Hypothesis] = []
-    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
-    for position, spec in enumerate(leader.specs):
-        others = tuple(e for k, e in enumerate(effects) if k != position)
-        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
-        wider = {outer for inner, outer in CONTAINED if inner == spec.name}
+    for place in _places(leader):
+        wider = {outer for inner, outer in CONTAINED if inner == place.spec.name}
         trials = [
-            _with_force(c, effects[position].values[0])
+            _with_force(c, place.effect.values[0])
             for c in candidates
-            if c.spec.name in wider and c.spec.location == spec.location
+            if c.spec.name in wider and c.spec.location == place.spec.location
         ]
-        if any(t.spec.parameters[0].name != spec.parameters[0].name for t in trials):
+        if any(t.spec.parameters[0].name != place.spec.parameters[0].name for t in trials):
             trials = []
-        trials.extend(_same_shape(trials, effects[position]))
-        for group in (trials, *_freer(candidates, effects[position])):
+        trials.extend(_same_shape(trials, place.effect))
+        for group in (trials, *_freer(candidates, place.effect)):
             if not group:
                 continue
-            active = _nearest(objective, theta, others, group)
-            fit = fit_child(objective, base, [*others, active], effort, [theta])
-            if fit is not None:
-                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+            active = _nearest(objective, place.theta, place.others, group)
+            found.extend(_in_place(objective, base, place, active, effort))
     return found
 
 
@@ -132,25 +123,58 @@ def reshaped(
     found: list[Hypothesis] = []
     far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
     done = {frozenset(id(s) for s in h.specs) for h in hypotheses if h.loss < far}
-    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
-    for position, spec in enumerate(leader.specs):
+    for place in _places(leader):
+        spec = place.spec
         if spec.family == "periodic":  # an order of the motor is no number for one of the arm
             continue
-        others = tuple(e for k, e in enumerate(effects) if k != position)
-        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
         freer = FREER.get(spec.variant, ())
         laws: dict[int, list[ActiveEffect]] = {}
         for trial in candidates:
             if name_of(trial.spec) == name_of(spec) and trial.spec is not spec and trial.spec.variant not in freer:
                 laws.setdefault(id(trial.spec), []).append(trial)
         for trials in laws.values():
-            if frozenset(id(s) for s in (*kept, trials[0].spec)) in done:
+            if frozenset(id(s) for s in (*place.kept, trials[0].spec)) in done:
                 continue
-            active = _nearest(objective, theta, others, [*_same_numbers(trials, effects[position]), *trials])
-            fit = fit_child(objective, base, [*others, active], effort, [theta])
-            if fit is not None:
-                found.append(Hypothesis((*kept, active.spec), fit, profile_loss(objective, fit.w)))
+            active = _nearest(
+                objective, place.theta, place.others, [*_same_numbers(trials, place.effect), *trials]
+            )
+            found.extend(_in_place(objective, base, place, active, effort))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """One effect of a leading set, in whose place others are tried.
+
+    Attributes:
+        position: In the set.
+        spec, effect: Its law, and the law with its fitted values.
+        kept, others: The same of the rest of the set.
+        theta: The set's base parameters, shape (n_theta,).
+    """
+
+    position: int
+    spec: EffectSpec
+    effect: ActiveEffect
+    kept: tuple[EffectSpec, ...]
+    others: tuple[ActiveEffect, ...]
+    theta: Vector
+
+
+def _places(leader: Hypothesis) -> Iterator[_Place]:
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    for position, (spec, effect) in enumerate(zip(leader.specs, effects, strict=True)):
+        kept = tuple(s for k, s in enumerate(leader.specs) if k != position)
+        others = tuple(e for k, e in enumerate(effects) if k != position)
+        yield _Place(position, spec, effect, kept, others, theta)
+
+
+def _in_place(
+    objective: Objective, base: Fit, place: _Place, active: ActiveEffect, effort: Effort
+) -> list[Hypothesis]:
+    """The set with ``active`` in this place, where the fit ends better than the base."""
+    fit = fit_child(objective, base, [*place.others, active], effort, [place.theta])
+    return [] if fit is None else [Hypothesis((*place.kept, active.spec), fit, profile_loss(objective, fit.w))]
 
 
 def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
@@ -220,10 +244,5 @@ def _nearest(
     objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...], trials: Sequence[ActiveEffect]
 ) -> ActiveEffect:
     """The trial with which the data are best predicted as they stand."""
-
-    def cost(active: ActiveEffect) -> float:
-        parts = [objective.run_residual(i, theta, (*effects, active)) for i in range(len(objective.runs))]
-        return float(sum(p @ p for p in parts))
-
-    costs = objective.map(cost, trials)
+    costs = objective.map(lambda active: objective.misfit(theta, (*effects, active)), trials)
     return trials[int(np.argmin(costs))]

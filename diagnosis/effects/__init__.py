@@ -17,6 +17,7 @@ from jointscope.diagnosis.effects import (
     postures,
     recorder,
     sensors,
+    standstill,
     transmission,
     vibration,
 )
@@ -41,7 +42,11 @@ __all__ = [
 ]
 
 REGISTRY: tuple[EffectSpec, ...] = (
-    *friction.SPECS,
+    *friction.COULOMB,
+    *standstill.COULOMB,
+    *friction.STRIBECK,
+    *standstill.STRIBECK,
+    *friction.LOAD_AND_DRAG,
     *transmission.SPECS,
     *periodic.SPECS,
     *drive.SPECS,

@@ -1,12 +1,8 @@
-r"""Dry friction at motor or arm, friction that grows with load, and drag.
+r"""Dry friction at motor or arm that sticks at standstill, friction that grows with load, and drag.
 
     T_f = T (1 +- asymmetry) sgn(w)                                     Coulomb
     T_f = T sgn(w) and viscous damping b (1 +- viscous_asymmetry)       Coulomb, beside an input of unknown zero
-    T_f = T tanh(w/w_e)                                                 Coulomb, rounded
-    dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
     T_f = [T + (T_b - T) exp(-|w/w_s|^a)] sgn(w), a = 2 or 1            Stribeck
-    T_f = [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)                   Stribeck, rounded
-    dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
     T_f = mu |T_S| sgn(w)                                               load-dependent
     T_f = c_q w |w|                                                     quadratic
 
@@ -16,14 +12,13 @@ amplitude, and 4 c_q w_0 A^2 / (3 pi J) to quadratic drag; the resonance is not 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
-    Limits,
     Location,
     ParameterSpec,
     Possible,
@@ -38,9 +33,6 @@ from jointscope.diagnosis.effects.spec import (
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
-
-
-STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
 
 
 def _blocks(location: str) -> tuple[int, int]:
@@ -71,124 +63,25 @@ def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.C_SIDED] += share * assembly.P[kernel.B_L]
 
 
-_ROUND_M = (
-    kernel.ROUND_M, kernel.ROUND_M_SPEED, kernel.ROUND_M_EXCESS, kernel.ROUND_M_FALL, kernel.ROUND_M_SIDED,
-)  # fmt: skip
-_ROUND_L = (
-    kernel.ROUND_L, kernel.ROUND_L_SPEED, kernel.ROUND_L_EXCESS, kernel.ROUND_L_FALL, kernel.ROUND_L_SIDED,
-)  # fmt: skip
-
-
-def _rounded(location: str) -> Apply:
-    at_torque, at_speed, _, _, at_sided = _ROUND_M if location == "motor" else _ROUND_L
-
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, speed = values[:2]
-        assembly.P[at_torque], assembly.P[at_sided] = torque, values[2] if len(values) > 2 else 0.0
-        assembly.P[at_speed] = max(speed, _steepest(assembly, location, torque))
-
-    return apply
-
-
-def _steepest(assembly: Assembly, location: str, torque: float) -> float:
-    """The rounding below which steps of the grid no longer follow [rad/s]: T/(w_e J) is then a rate of the grid's."""
-    inertia = assembly.P[kernel.J_M if location == "motor" else kernel.J_L]
-    return float(torque / (STEEPEST * inertia * assembly.run.grid_rate))
-
-
-def _rounded_stribeck(location: str) -> Apply:
-    at_torque, at_speed, at_excess, at_fall, _ = _ROUND_M if location == "motor" else _ROUND_L
-
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, breakaway, fall, rounding = values
-        steepest = _steepest(assembly, location, max(torque, breakaway))
-        assembly.P[at_torque], assembly.P[at_speed] = torque, max(rounding, steepest)
-        assembly.P[at_excess], assembly.P[at_fall] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9), fall
-
-    return apply
-
-
-def _rounded_starts(location: str) -> Starts:
-    def starts(problem: Problem) -> tuple[Values, ...]:
-        roundings = _roundings(location)(problem)
-        return tuple(
-            (*speeds, *rounding) for speeds in _speeds(location)(problem)[1:] for rounding in roundings[:1]
-        )
-
-    return starts
-
-
-def _top_speed(problem: Problem, location: str) -> float:
+def top_speed(problem: Problem, location: str) -> float:
+    """Peak speed of the motor or the arm at the joint output [rad/s]."""
     s = problem.scales
     return max(s.motor_speed if location == "motor" else s.speed, 1e-6)
 
 
-def _roundings(location: str) -> Starts:
-    return lambda problem: tuple((share * _top_speed(problem, location),) for share in (0.004, 0.02, 0.1))
-
-
-def _sided_roundings(location: str) -> Starts:
-    return lambda problem: tuple((*rounding, 0.05) for rounding in _roundings(location)(problem)[:2])
-
-
-def _rounding_limits(location: str) -> Limits:
-    def limits(problem: Problem) -> dict[str, tuple[float, float]]:
-        top = _top_speed(problem, location)
-        return {**_torque_limits(problem), "rounding": (2e-5 * top, 0.5 * top)}
-
-    return limits
-
-
-def _presliding(location: str) -> Apply:
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values
-        assembly.S[kernel.PRE_SITE] = kernel.AT_MOTOR if location == "motor" else kernel.AT_LOAD
-
-    return apply
-
-
-def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
-    return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in (0.03, 0.15))
-
-
-def _presliding_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    wind_up = max(problem.scales.wind_up, 1e-9)
-    return {**_torque_limits(problem), "presliding": (1e-3 * wind_up, 3.0 * wind_up)}
-
-
-def _elastic_and_moving(problem: Problem) -> str | None:
-    """With the motor held it is the transmission's hysteresis, and there it is looked for."""
-    if not any(run.spring for run in problem.runs):
-        return "the rig has no elastic transmission"
-    return needs_motor(problem)
+def excess(torque: float, breakaway: float) -> float:
+    """T_b/T - 1 [-], bounded: a search may pass where friction rises with speed."""
+    return max(breakaway / max(torque, 1e-12) - 1.0, -0.9)
 
 
 def _stribeck(location: str, exponent: float) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, breakaway, speed = values
         first = _dry(assembly, location, torque, torque)
-        assembly.P[first + 2] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9)  # a search may pass where it rises
+        assembly.P[first + 2] = excess(torque, breakaway)
         assembly.P[first + 3], assembly.P[first + 4] = speed, exponent
 
     return apply
-
-
-def _bristles(location: str) -> Apply:
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, breakaway, speed, angle = values
-        _presliding(location)(assembly, (torque, angle), weight)
-        assembly.P[kernel.PRE_EXCESS] = max(breakaway / max(torque, 1e-12) - 1.0, -0.9)
-        assembly.P[kernel.PRE_SPEED] = speed
-
-    return apply
-
-
-def _bristle_starts(location: str) -> Starts:
-    def starts(problem: Problem) -> tuple[Values, ...]:
-        angles = _presliding_angles(problem)
-        return tuple((*speeds, *angle) for speeds in _speeds(location)(problem)[:2] for angle in angles)
-
-    return starts
 
 
 def _load_dependent(location: str) -> Apply:
@@ -226,7 +119,7 @@ def _both(first: Possible, further: Possible | None) -> Possible:
 
 def _speeds(location: str) -> Starts:
     def starts(problem: Problem) -> tuple[Values, ...]:
-        torque, top = _sizes(location)(problem)[1], _top_speed(problem, location)
+        torque, top = _sizes(location)(problem)[1], top_speed(problem, location)
         return tuple((1.4 * torque, share * top) for share in (0.01, 0.04, 0.15))
 
     return starts
@@ -265,9 +158,6 @@ _STRIBECK = (
 _LAWS = {
     "plain": "T sgn(w) against the motion, sticking below T",
     "asymmetric": "T (1 +- asymmetry) sgn(w) against the motion, sticking below T",
-    "rounded": "T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
-    "rounded-asymmetric": "T (1 +- asymmetry) tanh(w/w_e) against the motion",
-    "presliding": "dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
     "one-sided": "T sgn(w) against the motion, sticking below T, with viscous damping b (1 +- viscous_asymmetry)",
 }
 _ALIKE = ("stribeck-friction", "load-dependent-friction", "hysteresis", "backlash")
@@ -315,35 +205,6 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
     )
 
 
-def _shaped_spec(
-    location: Location, variant: Literal["rounded", "rounded-asymmetric", "presliding"]
-) -> EffectSpec:
-    """Coulomb's force with a shape about standstill: rounded over a speed, or built up elastically over an angle."""
-    rounded = variant != "presliding"
-    sided = variant == "rounded-asymmetric"
-    at = _possible(location) if rounded else _elastic_and_moving
-    shape = (
-        ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
-        if rounded
-        else ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)
-    )
-    return EffectSpec(
-        name="coulomb-friction",
-        location=location,
-        variant=variant,
-        family="dissipative",
-        parameters=(_TORQUE, shape, _ASYMMETRY) if sided else (_TORQUE, shape),
-        law=_LAWS[variant],
-        revealed_by=("hammer", "speed-motion", "torque-sweep") if rounded else ("speed-motion", "torque-sweep"),
-        look_alikes=_ALIKE,
-        apply=_rounded(location) if rounded else _presliding(location),
-        scale=_sizes(location),
-        starts=_sided_roundings(location) if sided else _roundings(location) if rounded else _presliding_angles,
-        possible=_both(at, _zero_known) if sided else at,
-        limits=_rounding_limits(location) if rounded else _presliding_limits,
-    )
-
-
 def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
     return tuple(
         EffectSpec(
@@ -367,67 +228,13 @@ def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
     )
 
 
-def _bristle_spec(location: Location) -> EffectSpec:
-    """Stribeck's friction built up elastically, as LuGre's bristles do."""
-    return EffectSpec(
-        name="stribeck-friction",
-        location=location,
-        variant="bristles",
-        family="dissipative",
-        parameters=(*_STRIBECK, ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)),
-        law="dT/dq = (T_c - T sgn(w)/g) / y, g = 1 + (T_b/T_c - 1) exp(-(w/w_s)^2)",
-        revealed_by=("speed-motion",),
-        look_alikes=("coulomb-friction", "load-dependent-friction"),
-        sensible=lambda values: values[1] > values[0],
-        apply=_bristles(location),
-        scale=_sizes(location),
-        starts=_bristle_starts(location),
-        proportional=(1,),
-        possible=_elastic_and_moving,
-        limits=_presliding_limits,
-    )
-
-
-def _rounded_stribeck_spec(location: Location) -> EffectSpec:
-    """Stribeck's friction that creeps where a dry contact sticks, as most simulators have it."""
-    return EffectSpec(
-        name="stribeck-friction",
-        location=location,
-        variant="rounded",
-        family="dissipative",
-        parameters=(*_STRIBECK, ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)),
-        law="[T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)",
-        revealed_by=("speed-motion",),
-        look_alikes=("coulomb-friction", "load-dependent-friction"),
-        sensible=lambda values: values[1] > values[0],
-        apply=_rounded_stribeck(location),
-        scale=_sizes(location),
-        starts=_rounded_starts(location),
-        proportional=(1,),
-        possible=_possible(location),
-        limits=_rounding_limits(location),
-    )
-
-
 def _share_sizes(problem: Problem) -> tuple[float, float, float]:
     return 0.01, 0.05, 0.15
 
 
-SPECS: tuple[EffectSpec, ...] = (
-    *_coulomb_specs("motor"),
-    *_coulomb_specs("load"),
-    _shaped_spec("motor", "rounded"),
-    _shaped_spec("load", "rounded"),
-    _shaped_spec("motor", "rounded-asymmetric"),
-    _shaped_spec("load", "rounded-asymmetric"),
-    _shaped_spec("motor", "presliding"),
-    _shaped_spec("load", "presliding"),
-    *_stribeck_specs("motor"),
-    *_stribeck_specs("load"),
-    _bristle_spec("motor"),
-    _bristle_spec("load"),
-    _rounded_stribeck_spec("motor"),
-    _rounded_stribeck_spec("load"),
+COULOMB: tuple[EffectSpec, ...] = (*_coulomb_specs("motor"), *_coulomb_specs("load"))
+STRIBECK: tuple[EffectSpec, ...] = (*_stribeck_specs("motor"), *_stribeck_specs("load"))
+LOAD_AND_DRAG: tuple[EffectSpec, ...] = (
     *(
         EffectSpec(
             name="load-dependent-friction",

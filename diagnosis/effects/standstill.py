@@ -1,0 +1,207 @@
+r"""Dry friction with a shape about standstill: rounded over a speed, or built up elastically over an angle.
+
+    T_f = T (1 +- asymmetry) tanh(w/w_e)                                Coulomb, rounded
+    dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
+    T_f = [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)                   Stribeck, rounded
+    dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
+
+Each is the sharp law of ``friction`` with one parameter more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.effects import friction
+from jointscope.diagnosis.effects.friction import excess, top_speed
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    Limits,
+    ParameterSpec,
+    Starts,
+    Values,
+    needs_motor,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.problem import Problem
+
+
+STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
+
+_ROUND_M = (
+    kernel.ROUND_M, kernel.ROUND_M_SPEED, kernel.ROUND_M_EXCESS, kernel.ROUND_M_FALL, kernel.ROUND_M_SIDED,
+)  # fmt: skip
+_ROUND_L = (
+    kernel.ROUND_L, kernel.ROUND_L_SPEED, kernel.ROUND_L_EXCESS, kernel.ROUND_L_FALL, kernel.ROUND_L_SIDED,
+)  # fmt: skip
+
+
+def _rounded(location: str) -> Apply:
+    at_torque, at_speed, _, _, at_sided = _ROUND_M if location == "motor" else _ROUND_L
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, speed = values[:2]
+        assembly.P[at_torque], assembly.P[at_sided] = torque, values[2] if len(values) > 2 else 0.0
+        assembly.P[at_speed] = max(speed, _steepest(assembly, location, torque))
+
+    return apply
+
+
+def _steepest(assembly: Assembly, location: str, torque: float) -> float:
+    """The rounding below which steps of the grid no longer follow [rad/s]: T/(w_e J) is then a rate of the grid's."""
+    inertia = assembly.P[kernel.J_M if location == "motor" else kernel.J_L]
+    return float(torque / (STEEPEST * inertia * assembly.run.grid_rate))
+
+
+def _rounded_stribeck(location: str) -> Apply:
+    at_torque, at_speed, at_excess, at_fall, _ = _ROUND_M if location == "motor" else _ROUND_L
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, breakaway, fall, rounding = values
+        steepest = _steepest(assembly, location, max(torque, breakaway))
+        assembly.P[at_torque], assembly.P[at_speed] = torque, max(rounding, steepest)
+        assembly.P[at_excess], assembly.P[at_fall] = excess(torque, breakaway), fall
+
+    return apply
+
+
+def _roundings(location: str) -> Starts:
+    return lambda problem: tuple((share * top_speed(problem, location),) for share in (0.004, 0.02, 0.1))
+
+
+def _sided_roundings(location: str) -> Starts:
+    return lambda problem: tuple((*rounding, 0.05) for rounding in _roundings(location)(problem)[:2])
+
+
+def _rounding_limits(sharp: EffectSpec) -> Limits:
+    def limits(problem: Problem) -> dict[str, tuple[float, float]]:
+        top = top_speed(problem, sharp.location)
+        return {**sharp.limits(problem), "rounding": (2e-5 * top, 0.5 * top)}
+
+    return limits
+
+
+def _presliding(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values
+        assembly.S[kernel.PRE_SITE] = kernel.AT_MOTOR if location == "motor" else kernel.AT_LOAD
+
+    return apply
+
+
+def _bristles(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, breakaway, speed, angle = values
+        _presliding(location)(assembly, (torque, angle), weight)
+        assembly.P[kernel.PRE_EXCESS] = excess(torque, breakaway)
+        assembly.P[kernel.PRE_SPEED] = speed
+
+    return apply
+
+
+def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
+    return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in (0.03, 0.15))
+
+
+def _presliding_limits(sharp: EffectSpec) -> Limits:
+    def limits(problem: Problem) -> dict[str, tuple[float, float]]:
+        wind_up = max(problem.scales.wind_up, 1e-9)
+        return {**sharp.limits(problem), "presliding": (1e-3 * wind_up, 3.0 * wind_up)}
+
+    return limits
+
+
+def _elastic_and_moving(problem: Problem) -> str | None:
+    """With the motor held it is the transmission's hysteresis, and there it is looked for."""
+    if not any(run.spring for run in problem.runs):
+        return "the rig has no elastic transmission"
+    return needs_motor(problem)
+
+
+_ROUNDING = ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
+_PRESLIDING = ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)
+
+
+def _rounded_coulomb(sharp: EffectSpec) -> EffectSpec:
+    """Coulomb's friction that creeps where a dry contact sticks."""
+    torque, *asymmetry = sharp.parameters
+    return replace(
+        sharp,
+        variant="rounded-asymmetric" if asymmetry else "rounded",
+        parameters=(torque, _ROUNDING, *asymmetry),
+        law="T (1 +- asymmetry) tanh(w/w_e) against the motion"
+        if asymmetry
+        else "T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
+        revealed_by=("hammer", "speed-motion", "torque-sweep"),
+        apply=_rounded(sharp.location),
+        decades=0,
+        starts=_sided_roundings(sharp.location) if asymmetry else _roundings(sharp.location),
+        limits=_rounding_limits(sharp),
+    )
+
+
+def _presliding_coulomb(sharp: EffectSpec) -> EffectSpec:
+    """Coulomb's friction built up elastically."""
+    return replace(
+        sharp,
+        variant="presliding",
+        parameters=(*sharp.parameters, _PRESLIDING),
+        law="dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
+        revealed_by=("speed-motion", "torque-sweep"),
+        apply=_presliding(sharp.location),
+        decades=0,
+        starts=_presliding_angles,
+        possible=_elastic_and_moving,
+        limits=_presliding_limits(sharp),
+    )
+
+
+def _stribeck_on_bristles(sharp: EffectSpec) -> EffectSpec:
+    """Stribeck's friction built up elastically, as LuGre's bristles do."""
+    return replace(
+        sharp,
+        variant="bristles",
+        parameters=(*sharp.parameters, _PRESLIDING),
+        law="dT/dq = (T_c - T sgn(w)/g) / y, g = 1 + (T_b/T_c - 1) exp(-(w/w_s)^2)",
+        apply=_bristles(sharp.location),
+        starts=lambda problem: tuple(
+            (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in _presliding_angles(problem)
+        ),
+        possible=_elastic_and_moving,
+        limits=_presliding_limits(sharp),
+    )
+
+
+def _rounded_stribeck_of(sharp: EffectSpec) -> EffectSpec:
+    """Stribeck's friction that creeps where a dry contact sticks, as most simulators have it."""
+    return replace(
+        sharp,
+        variant="rounded",
+        parameters=(*sharp.parameters, _ROUNDING),
+        law="[T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)",
+        apply=_rounded_stribeck(sharp.location),
+        starts=lambda problem: tuple(
+            (*speeds, *_roundings(sharp.location)(problem)[0]) for speeds in sharp.starts(problem)[1:]
+        ),
+        limits=_rounding_limits(sharp),
+    )
+
+
+_PLAIN, _ASYMMETRIC, _GAUSSIAN = (
+    tuple(spec for spec in (*friction.COULOMB, *friction.STRIBECK) if spec.variant == variant)
+    for variant in ("plain", "asymmetric", "gaussian")
+)
+
+COULOMB: tuple[EffectSpec, ...] = (
+    *(_rounded_coulomb(sharp) for sharp in (*_PLAIN, *_ASYMMETRIC)),
+    *(_presliding_coulomb(sharp) for sharp in _PLAIN),
+)
+STRIBECK: tuple[EffectSpec, ...] = (
+    *(_stribeck_on_bristles(sharp) for sharp in _GAUSSIAN),
+    *(_rounded_stribeck_of(sharp) for sharp in _GAUSSIAN),
+)
