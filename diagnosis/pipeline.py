@@ -24,7 +24,14 @@ from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.split import Split, split_runs
-from jointscope.diagnosis.verdict import Decision, decide, with_changes, with_remainder, with_unknown_force
+from jointscope.diagnosis.verdict import (
+    Decision,
+    decide,
+    with_changes,
+    with_followed_input,
+    with_remainder,
+    with_unknown_force,
+)
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -98,8 +105,12 @@ def diagnose(
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
     left = remainders(judgement, decision.chosen)
-    changing = changes(judgement, decision.chosen) if decision.verdict == "effects" else ()
-    decision = with_changes(with_remainder(decision, left), changing)
+    changing: tuple[Change, ...] = ()
+    decision = with_remainder(decision, left)
+    if decision.verdict == "effects":
+        changing = changes(judgement, decision.chosen)
+        decision = with_followed_input(decision, remainders(judgement, judgement.base))
+        decision = with_changes(decision, changing)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None

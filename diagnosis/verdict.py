@@ -13,7 +13,7 @@ from jointscope.diagnosis.adequacy import Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
-from jointscope.diagnosis.gates import OF_PARENT, Comparison
+from jointscope.diagnosis.gates import AGREES, OF_PARENT, Comparison
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
 
@@ -42,7 +42,11 @@ GROWING = 0.1  # error over signal, where it grows with it, beyond which the mod
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
+EVIDENT = (
+    200.0  # nats of such a force that is too weak to matter, and yet is there: neither is "none" an answer then
+)
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
+AS_MUCH_AS_NAMED = 0.5  # of what the named effects gained, explained by the input alone: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
 
 
@@ -224,6 +228,21 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     )
 
 
+def with_followed_input(decision: Decision, at_base: Sequence[Remainder]) -> Decision:
+    """The answer where the input itself, at a few lags, explains about as much as the named effects: a pickup does that.
+
+    ``at_base`` is what the base leaves and follows the input; right effects gain nine times as much at least (14 cases).
+    """
+    if decision.verdict != "effects":
+        return decision
+    followed = sum(r.gain + r.held_gain for r in at_base if r.stands)
+    named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
+    if followed < AS_MUCH_AS_NAMED * named:
+        return decision
+    ratio = followed / (AS_MUCH_AS_NAMED * named)
+    return replace(decision, verdict="unknown", probability=_beyond(ratio), unknown_reason="outside-catalogue")
+
+
 def with_changes(decision: Decision, found: Sequence[Change]) -> Decision:
     """The answer in view of effects that don't keep their size within a run: what was named only resembles what is there."""
     standing_out = [c for c in found if c.stands]
@@ -242,6 +261,12 @@ def _shared(ranking: Sequence[Ranked], near: Sequence[Ranked]) -> Ranked | None:
     return found if found is not None and found.score > 0.0 else None
 
 
+def _evident(against: Comparison) -> bool:
+    """Whether something small is there beyond doubt: much evidence, and held-out runs that gain what was foretold."""
+    agrees = against.held_gain > AGREES * against.foretold_held
+    return against.gain > EVIDENT and against.material > 0.0 and against.carries_over and agrees
+
+
 def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:
     """The answer in view of a force without a name.
 
@@ -249,7 +274,7 @@ def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) 
     something is there that no candidate explains.
     """
     against = compare(judgement, decision.chosen, table)
-    if math.isnan(against.held_gain) or not against.stands:
+    if math.isnan(against.held_gain) or not (against.stands or _evident(against)):
         return decision
     if decision.verdict == "none":
         if against.gain < UNNAMED:

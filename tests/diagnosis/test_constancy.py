@@ -60,7 +60,7 @@ def found(builders, recorded):
 @pytest.mark.parametrize("by", [0.5, -0.5])
 def test_a_size_that_moves_is_measured_and_stands(found, by):
     """Half of the mean at either end, within three standard errors and a tenth; the held-out runs say the same."""
-    table, active = found
+    table, _ = found
     change = changes(table[by], table[by].judged[1])[0]
     assert change.relative == pytest.approx(by, abs=3.0 * change.error + 0.1)
     assert change.stands
@@ -69,7 +69,7 @@ def test_a_size_that_moves_is_measured_and_stands(found, by):
 
 
 def test_a_size_that_stays_does_not(found):
-    table, active = found
+    table, _ = found
     change = changes(table[0.0], table[0.0].judged[1])[0]
     assert abs(change.relative) < 5.0 * change.error
     assert not change.stands

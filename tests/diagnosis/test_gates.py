@@ -233,3 +233,28 @@ def test_the_law_that_contains_another_must_lead_it(monkeypatch):
         scores = {"coulomb-friction@load": 4000.0, "stribeck-friction@load": 4000.0 + lead}
         monkeypatch.setattr(verdict, "score", lambda judgement, j, scores=scores: scores[j.names[0]])
         assert rank(SimpleNamespace(judged=judged, base=judged[0]))[0].names == (named,)
+
+
+def none_said():
+    fit = SimpleNamespace()
+    return verdict.Decision("none", SimpleNamespace(names=()), 0.9, (), None, (), fit)
+
+
+@pytest.mark.parametrize(
+    ("gain", "held", "foretold", "material", "said"),
+    [
+        (100.0, 40.0, 40.0, 0.01, "unknown"),
+        (35.0, 40.0, 40.0, 0.01, "none"),  # not beyond doubt
+        (100.0, 40.0, 40.0, 0.001, "none"),  # too weak to matter
+        (300.0, 150.0, 160.0, 0.001, "unknown"),  # too weak to matter, and there beyond doubt
+        (300.0, 80.0, 160.0, 0.001, "none"),  # much of it does not carry over
+        (300.0, 150.0, 160.0, 0.0, "none"),  # no more than the echo of a log's noise
+    ],
+)
+def test_a_force_without_a_name_takes_evidence(monkeypatch, gain, held, foretold, material, said):
+    against = Comparison(gain, held, 0.0, foretold, 1.0, 0.0, material, 1.0, 0, 0.0)
+    monkeypatch.setattr(verdict, "compare", lambda *_: against)
+    table = SimpleNamespace(names=("latent-law@load",))
+    found = verdict.with_unknown_force(SimpleNamespace(), none_said(), table)
+    assert found.verdict == said
+    assert (found.chosen is table) is (said == "unknown")
