@@ -48,10 +48,19 @@ def fit_logistic(x: Real, right: NDArray[np.bool_], ridge: float = RIDGE) -> tup
 
 
 def rows_of(proof: Path) -> list[tuple[str, Mapping[str, Any], bool]]:
-    """(kind of verdict, features, right) of every answered case of a proof."""
-    file = proof / "judged.json"
-    if not file.is_file():
+    """(kind of verdict, features, right) of every answered case of a proof.
+
+    Raises:
+        InputError: No finished proof, one of a test draw, or answers of another version.
+    """
+    file, summary = proof / "judged.json", proof / "summary.json"
+    if not file.is_file() or not summary.is_file():
         raise InputError(file, None, "isn't there", fix="prove the calibration draw first")
+    draw = json.loads(summary.read_text(encoding="utf-8"))["draw"]
+    if draw == "test":
+        raise InputError(
+            summary, "draw", "nothing is learnt from test cases", value=draw, fix="conceal --draw calibration"
+        )
     rows = []
     for judged in json.loads(file.read_text(encoding="utf-8")):
         said = load(proof, judged["case"]).diagnosis
@@ -114,8 +123,8 @@ def _maps(x: Real, right: NDArray[np.bool_], kinds: NDArray[np.str_]) -> dict[st
     return maps
 
 
-def learn_map(proof: Path, file: Path) -> dict[str, Any]:
-    """Learn from the proof of a calibration draw and write ``file``; the map as JSON."""
-    content = learn(rows_of(proof))
+def learn_map(proofs: Sequence[Path], file: Path) -> dict[str, Any]:
+    """Learn from proofs of calibration draws and write ``file``; the map as JSON."""
+    content = learn([row for proof in proofs for row in rows_of(proof)])
     write_text(file, json.dumps(content, indent=1, sort_keys=True) + "\n")
     return content

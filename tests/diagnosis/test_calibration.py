@@ -5,8 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from jointscope.cli import main
 from jointscope.diagnosis.calibration import FORMAT, INPUTS, RANGES, SETS, calibrate, kind_of, outside, read_map
-from jointscope.experiments.prove.calibrate import fit_logistic, learn
+from jointscope.errors import InputError
+from jointscope.experiments.prove.calibrate import fit_logistic, learn, learn_map
+from jointscope.experiments.prove.diagnosing import ANSWERS
 from jointscope.experiments.prove.measures import calibration_error
 
 
@@ -79,3 +82,46 @@ def test_a_map_of_other_inputs_is_refused(rows):
 def test_kinds_of_answers():
     assert kind_of("unknown", "not-identifiable") == "not-identifiable"
     assert kind_of("effects", None) == "effects"
+
+
+def proof_of(folder, rows, draw):
+    """A finished proof with these answers, as ``prove`` leaves it."""
+    (folder / ANSWERS).mkdir(parents=True)
+    judged = []
+    for k, (kind, found, right) in enumerate(rows):
+        case = f"{k:04d}"
+        said = {"verdict": kind, "calibration": {"features": found}}
+        answer = {"case": case, "status": "answered", "seconds": 1.0, "diagnosis": said}
+        (folder / ANSWERS / f"{case}.json").write_text(json.dumps(answer))
+        judged.append({"case": case, "exact": right})
+    (folder / "judged.json").write_text(json.dumps(judged))
+    (folder / "summary.json").write_text(json.dumps({"draw": draw}))
+    return folder
+
+
+def test_several_proofs_are_one_lesson(rows, tmp_path):
+    one, other = (
+        proof_of(tmp_path / n, part, "calibration") for n, part in (("a", rows[:80]), ("b", rows[80:160]))
+    )
+    learn_map([one, other], tmp_path / "map.json")
+    assert json.loads((tmp_path / "map.json").read_text()) == json.loads(json.dumps(learn(rows[:160])))
+
+
+def test_the_command_learns_and_says_what_it_is_worth(rows, tmp_path, monkeypatch, capsys):
+    """The words of the documentation write the map, of the draw and of what is beside it."""
+    out, beside = (
+        proof_of(tmp_path / n, part, "calibration") for n, part in (("a", rows[:80]), ("b", rows[80:160]))
+    )
+    summary = {"seed": 1, "seal": "s", "openings": {"times": 1}, "cases": 80, "table": []}
+    monkeypatch.setattr("jointscope.experiments.prove.proof.prove", lambda *_, **__: summary)
+    monkeypatch.setattr("jointscope.commands.prove._report", lambda *_: None)
+    words = ["prove", str(tmp_path / "draw"), "--out", str(out), "--calibrate", str(tmp_path / "map.json")]
+    assert main([*words, "--beside", str(beside)]) == 0
+    assert json.loads((tmp_path / "map.json").read_text())["cases"] == 160
+    assert "learnt on 160 answers" in capsys.readouterr().err
+
+
+def test_nothing_is_learnt_from_test_cases(rows, tmp_path):
+    with pytest.raises(InputError, match="nothing is learnt from test cases"):
+        learn_map([proof_of(tmp_path / "a", rows[:40], "test")], tmp_path / "map.json")
+    assert not (tmp_path / "map.json").exists()

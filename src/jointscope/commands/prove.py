@@ -18,11 +18,12 @@ OUT holds
   judged.json    every case: what was true, what was said
   answers/       every diagnosis
 
-With --calibrate the map from stated to true probabilities is learnt from these answers and written; the diagnosis
-reads the one that was installed as jointscope/diagnosis/calibration.json.
+With --calibrate the map from stated to true probabilities is learnt from these answers, and from those of further
+finished proofs (--beside), and written; the diagnosis reads the one that was installed as
+jointscope/diagnosis/calibration.json. Nothing is learnt from a test draw.
 
   jointscope conceal --seed 11 --cases 300 --draw calibration --out out/calibration
-  jointscope prove out/calibration --calibrate diagnosis/calibration.json
+  jointscope prove out/calibration --calibrate diagnosis/calibration.json --beside out/outside-proof
 
 With the word 'real' in place of a draw, and --data, every public set of recordings that is below DATA (one folder per
 set, named as 'jointscope import' names it) is diagnosed as it is, in other units, at half the rate, begun later, with an
@@ -38,6 +39,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +63,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=None,
         metavar="FILE",
         help="learn the probability map and write it to FILE",
+    )
+    parser.add_argument(
+        "--beside",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="PROOF",
+        help="proofs that --calibrate learns from too",
     )
     parser.add_argument("--page", type=Path, default=None, metavar="FILE.md", help="write the page here as well")
     parser.add_argument("--json", action="store_true", help="print summary.json instead of the table")
@@ -90,6 +100,8 @@ def run(options: argparse.Namespace) -> int:
     if options.page:
         publish(summary, options.page)
     _report(summary, folder, out)
+    if options.calibrate is not None:
+        _calibrate([out, *options.beside], options.calibrate)
     if options.json:
         print(json.dumps(summary, indent=1, sort_keys=True))
         return 0
@@ -98,6 +110,21 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {row['name']:<90} {page.shown(row)}")
     print(f"{options.page or out / 'proof.md'}")
     return 0
+
+
+def _calibrate(proofs: Sequence[Path], file: Path) -> None:
+    """Learn the map; what it is worth goes to standard error, beside a summary that machines read."""
+    import sys
+
+    from jointscope.experiments.prove.calibrate import learn_map
+
+    learnt = learn_map(proofs, file)
+    error = learnt["calibration_error"]
+    print(
+        f"{file}: learnt on {learnt['cases']} answers; calibration error {error['stated']:.3f} as stated, "
+        f"{error['mapped, cross-validated']:.3f} mapped, on cases that the map was not fitted to",
+        file=sys.stderr,
+    )
 
 
 def _real(options: argparse.Namespace) -> int:
