@@ -10,9 +10,8 @@ hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stan
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,9 +19,9 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
 from jointscope.diagnosis.echo import echoes
-from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.energies import Energies, Kind, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import Comparison
-from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, dynamic_level
+from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.per_run import labelling_cost
 from jointscope.diagnosis.refit import Fit, least_squares
@@ -31,11 +30,8 @@ from jointscope.diagnosis.vibration import resonance
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.coordinates import Coordinates
-    from jointscope.diagnosis.prepare import PreparedRun
 
 Vector = NDArray[np.float64]
-Kind = tuple[object, ...]
-
 REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
 NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
@@ -73,7 +69,7 @@ class Judged:
     left_held: tuple[Vector, ...]
     occam: float
     occam_held: float
-    energies: dict[Kind, tuple[float, float]]
+    energies: Energies
     predictions: Predictions
     predictions_held: Predictions
 
@@ -219,68 +215,18 @@ def _energy(left: Sequence[Vector]) -> Vector:
     return np.array([float(w @ w) for w in left])
 
 
-def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> dict[Kind, tuple[float, float]]:
-    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``.
-
-    An angle's signal is what it does within a quarter second: slower than that the observer follows the recording.
-    """
-    pooled: dict[Kind, tuple[float, float]] = {}
-    for run, predicted in zip(runs, predictions, strict=True):
-        for output, y in zip(run.outputs, predicted, strict=True):
-            key = (run.run.experiment, output.quantity, output.location, output.direction)
-            error, signal = pooled.get(key, (0.0, 0.0))
-            x = asked_only(output.data - y, below_excitation(run, output))[output.mask]
-            pooled[key] = (error + float(x @ x), signal + dynamic_level(output) ** 2 * int(output.mask.sum()))
-    return pooled
-
-
-def improvement(
-    base: dict[Kind, tuple[float, float]],
-    before: dict[Kind, tuple[float, float]],
-    after: dict[Kind, tuple[float, float]],
-    echo: Mapping[Kind, float] = MappingProxyType({}),
-) -> tuple[float, float, float]:
-    """(material, share, rest) of :class:`Comparison` from the error energies of base, parent and child.
-
-    Of what is explained, what the noise of a log makes the model do (``echo``) does not count.
-    """
-    best = (0.0, 0.0, 0.0)
-    for key, (parent, signal) in before.items():
-        gained, whole = parent - after[key][0], base[key][0] - after[key][0]
-        beyond = gained - echo.get(key, 0.0)
-        if signal > 0.0 and beyond > 0.0:
-            share = math.sqrt(gained / whole) if whole > 0.0 else 1.0
-            best = max(best, (math.sqrt(beyond / signal), min(share, 1.0), gained / parent))
-    return best
-
-
-def _drowned(judgement: Judgement, parent: Judged, child: Judged) -> set[str]:
-    """Experiments in which all that the child explains is no more than the echo of a log's noise."""
-    heard: dict[str, bool] = {}
-    for key, echo in judgement.echo.items():
-        gained = parent.energies[key][0] - child.energies[key][0]
-        heard[str(key[0])] = heard.get(str(key[0]), False) or gained > echo
-    return {experiment for experiment, above in heard.items() if not above}
-
-
-def _heard(gains: Vector, objective: Objective, drowned: set[str]) -> Vector:
-    """The gain of every run, and nothing of those in which the child only follows an echo."""
-    silent = np.array([run.run.experiment in drowned for run in objective.prepared], dtype=bool)
-    return np.where(silent, np.minimum(gains, 0.0), gains)
-
-
 def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     """The child's case against the parent."""
     sizes = np.array([sum(w.sizes) for w in judgement.objective.whiteners])
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / max(int(sizes.sum()), 1))
-    drowned = _drowned(judgement, parent, child)
-    raw = _heard(0.5 * (parent.fitted - child.fitted) / overdispersion, judgement.objective, drowned)
+    silent = drowned(judgement.echo, parent.energies, child.energies)
+    raw = heard(0.5 * (parent.fitted - child.fitted) / overdispersion, judgement.objective.prepared, silent)
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
     material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies, judgement.echo)
     held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
-        held = _heard(0.5 * (parent.held_out - child.held_out) / overdispersion, judgement.held, drowned)
+        held = heard(0.5 * (parent.held_out - child.held_out) / overdispersion, judgement.held.prepared, silent)
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
         agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.energies import Kind, kind_of
 from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.recordings.bandlimited import bandlimited
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 Vector = NDArray[np.float64]
-Kind = tuple[object, ...]
 
 SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
 
@@ -55,7 +55,7 @@ def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...
     found: dict[Kind, float] = {}
     for run, echo in zip(objective.prepared, objective.map(apart, objective.prepared), strict=True):
         for output, x in zip(run.outputs, echo, strict=False):
-            key = (run.run.experiment, output.quantity, output.location, output.direction)
+            key = kind_of(run, output)
             x = asked_only(x, below_excitation(run, output))[output.mask]
             energy = float(x @ x)
             found[key] = found.get(key, 0.0) + (energy if np.isfinite(energy) else 0.0)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt, sosfreqz
 
-from jointscope.diagnosis.adjudicate import _drowned, _heard, improvement
 from jointscope.diagnosis.echo import echoes
+from jointscope.diagnosis.energies import drowned, heard, improvement
 from jointscope.diagnosis.inputs import Drive
 from jointscope.diagnosis.objective import Objective
 from jointscope.recordings.bandlimited import bandlimited
@@ -83,7 +83,6 @@ def test_what_an_echo_could_explain_does_not_count(echo, material):
 def test_gains_of_runs_that_only_follow_an_echo_do_not_count(echo, counted):
     """Losses do, and so do the gains of hits, which no log drives."""
     runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=e)) for e in (KEY[0], KEY[0], "hammer"))
-    parent, child = SimpleNamespace(energies={KEY: (5.0, 100.0)}), SimpleNamespace(energies={KEY: (4.0, 100.0)})
-    drowned = _drowned(SimpleNamespace(echo={KEY: echo}), parent, child)
-    found = _heard(np.array([7.0, -2.0, 9.0]), SimpleNamespace(prepared=runs), drowned)
+    silent = drowned({KEY: echo}, {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)})
+    found = heard(np.array([7.0, -2.0, 9.0]), runs, silent)
     np.testing.assert_array_equal(found, counted)

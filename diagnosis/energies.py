@@ -1,0 +1,77 @@
+"""Energies of errors by kind of channel: what a model explains there, and whether that is more than a log's echo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.noise import dynamic_level
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.objective import Predictions
+    from jointscope.diagnosis.prepare import Output, PreparedRun
+
+Vector = NDArray[np.float64]
+Kind = tuple[object, ...]
+Energies = Mapping[Kind, tuple[float, float]]  # squared error of all runs, and squared signal
+
+
+def kind_of(run: PreparedRun, output: Output) -> Kind:
+    """Experiment, quantity, location and direction of an output."""
+    return (run.run.experiment, output.quantity, output.location, output.direction)
+
+
+def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> Energies:
+    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``.
+
+    An angle's signal is what it does within a quarter second: slower than that the observer follows the recording.
+    """
+    pooled: dict[Kind, tuple[float, float]] = {}
+    for run, predicted in zip(runs, predictions, strict=True):
+        for output, y in zip(run.outputs, predicted, strict=True):
+            key = kind_of(run, output)
+            error, signal = pooled.get(key, (0.0, 0.0))
+            x = asked_only(output.data - y, below_excitation(run, output))[output.mask]
+            pooled[key] = (error + float(x @ x), signal + dynamic_level(output) ** 2 * int(output.mask.sum()))
+    return pooled
+
+
+def improvement(
+    base: Energies,
+    before: Energies,
+    after: Energies,
+    echo: Mapping[Kind, float] = MappingProxyType({}),
+) -> tuple[float, float, float]:
+    """(material, share, rest) of :class:`Comparison` from the error energies of base, parent and child.
+
+    Of what is explained, what the noise of a log makes the model do (``echo``) does not count.
+    """
+    best = (0.0, 0.0, 0.0)
+    for key, (parent, signal) in before.items():
+        gained, whole = parent - after[key][0], base[key][0] - after[key][0]
+        beyond = gained - echo.get(key, 0.0)
+        if signal > 0.0 and beyond > 0.0:
+            share = math.sqrt(gained / whole) if whole > 0.0 else 1.0
+            best = max(best, (math.sqrt(beyond / signal), min(share, 1.0), gained / parent))
+    return best
+
+
+def drowned(echo: Mapping[Kind, float], before: Energies, after: Energies) -> set[str]:
+    """Experiments in which all that is explained is no more than the echo of a log's noise."""
+    above: dict[str, bool] = {}
+    for key, energy in echo.items():
+        experiment = str(key[0])
+        above[experiment] = above.get(experiment, False) or before[key][0] - after[key][0] > energy
+    return {experiment for experiment, found in above.items() if not found}
+
+
+def heard(gains: Vector, runs: Sequence[PreparedRun], silent: set[str]) -> Vector:
+    """The gain of every run, and nothing of those in which a model only follows an echo."""
+    drowned_out = np.array([run.run.experiment in silent for run in runs], dtype=bool)
+    return np.where(drowned_out, np.minimum(gains, 0.0), gains)
