@@ -109,7 +109,7 @@ def diagnose(
     decision = with_remainder(decision, left)
     if decision.verdict == "effects":
         changing = changes(judgement, decision.chosen)
-        decision = with_followed_input(decision, remainders(judgement, judgement.base))
+        decision = with_followed_input(decision, left, remainders(judgement, judgement.base))
         decision = with_changes(decision, changing)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)

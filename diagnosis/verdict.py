@@ -228,18 +228,20 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     )
 
 
-def with_followed_input(decision: Decision, at_base: Sequence[Remainder]) -> Decision:
+def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: Sequence[Remainder]) -> Decision:
     """The answer where the input itself, at a few lags, explains about as much as the named effects: a pickup does that.
 
-    ``at_base`` is what the base leaves and follows the input; right effects gain nine times as much at least (14 cases).
+    Args:
+        left: What the named effects leave and follows the input: nothing, where they are right.
+        at_base: The same of the base.
     """
-    if decision.verdict != "effects":
+    if decision.verdict != "effects" or not any(r.stands for r in left):
         return decision
     followed = sum(r.gain + r.held_gain for r in at_base if r.stands)
     named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
-    if followed < AS_MUCH_AS_NAMED * named:
-        return decision
     ratio = followed / (AS_MUCH_AS_NAMED * named)
+    if ratio < 1.0:
+        return decision
     return replace(decision, verdict="unknown", probability=_beyond(ratio), unknown_reason="outside-catalogue")
 
 

@@ -67,15 +67,23 @@ def test_two_channels_of_one_kind_are_one_run(problem, recorded):
 
 
 @pytest.mark.parametrize(
-    ("gain", "held_gain", "verdict"), [(40.0, 30.0, "unknown"), (20.0, 10.0, "effects"), (70.0, 0.0, "effects")]
+    ("left", "gain", "held_gain", "verdict"),
+    [
+        (25.0, 40.0, 30.0, "unknown"),
+        (25.0, 20.0, 10.0, "effects"),  # a third of what the named effect gains
+        (25.0, 70.0, 0.0, "effects"),  # it does not carry over
+        (0.0, 40.0, 30.0, "effects"),  # the named effect leaves nothing of it: a sensor's resonance, say
+    ],
 )
-def test_what_the_input_explains_as_well_is_not_named(problem, recorded, deciding, gain, held_gain, verdict):
-    """The named effect scores 100: 70 nats at a few lags of the input are as much, 30 are not, nor what does not carry over."""
+def test_what_the_input_explains_as_well_is_not_named(problem, recorded, deciding, left, gain, held_gain, verdict):
+    """The named effect scores 100."""
     own = recorded(problem, 0.02, seed=3)
     with ThreadPoolExecutor(1) as pool:
         split = split_runs(own)
         judgement = judge(refit_base(own, predict_outputs, split.estimate, pool), (), split.held_out)
         spec = next(s for s in catalogue(own) if s.name == "coulomb-friction")
         decision = deciding(judgement, ActiveEffect(spec, (spec.scale(own)[1], *spec.starts(own)[0])))
-        left = Remainder(("hammer", True, "linear-acceleration", "arm"), gain, held_gain, held_gain, 0.01)
-        assert with_followed_input(decision, (left,)).verdict == verdict
+        key = ("hammer", True, "linear-acceleration", "arm")
+        of_named = Remainder(key, left, left, left, 0.01)
+        of_base = Remainder(key, gain, held_gain, held_gain, 0.01)
+        assert with_followed_input(decision, (of_named,), (of_base,)).verdict == verdict
