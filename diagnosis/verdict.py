@@ -39,6 +39,8 @@ LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 )
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
+MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
+WHITE = 2.0  # times its innovation, below which noise is about white
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
@@ -157,10 +159,21 @@ def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
     return adequacy(runs, judgement.noise, base, model)
 
 
-def grows_with_signal(judgement: Judgement) -> float:
-    """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent."""
+def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
+    """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent.
+
+    A record that is noise for the most part has an envelope of noise, and says nothing of it where that noise is white.
+    """
+    sizes = {block.key: math.sqrt(max(block.base, 0.0)) for block in fit.blocks}
     blocks = judgement.noise.blocks.items()
-    return max((noise.kappa for key, noise in blocks if key[2] in ACCELERATIONS), default=0.0)
+    return max(
+        (
+            n.kappa
+            for key, n in blocks
+            if key[2] in ACCELERATIONS and (sizes.get(key, 0.0) < MOSTLY or n.marginal > WHITE * n.sigma)
+        ),
+        default=0.0,
+    )
 
 
 def foreseen(judgement: Judgement, fit: Adequacy) -> float:
@@ -181,7 +194,9 @@ def decide(judgement: Judgement) -> Decision:
     fit = adequacy_of(judgement, top.judged)
     if not top.names:
         lack = max(
-            fit.base_left / LACKING, grows_with_signal(judgement) / GROWING, foreseen(judgement, fit) / FORESEEN
+            fit.base_left / LACKING,
+            grows_with_signal(judgement, fit) / GROWING,
+            foreseen(judgement, fit) / FORESEEN,
         )
         if lack > 1.0:
             return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)

@@ -258,3 +258,19 @@ def test_a_force_without_a_name_takes_evidence(monkeypatch, gain, held, foretold
     found = verdict.with_unknown_force(SimpleNamespace(), none_said(), table)
     assert found.verdict == said
     assert (found.chosen is table) is (said == "unknown")
+
+
+@pytest.mark.parametrize(
+    ("error", "innovation", "grows"),
+    [
+        (0.1, 0.7, 0.68),  # a small error that grows with the signal
+        (0.9, 0.7, 0.0),  # white noise for the most part: its envelope is its own
+        (0.9, 0.2, 0.68),  # most of the record is an error that repeats itself
+    ],
+)
+def test_an_envelope_of_noise_says_nothing_of_the_model(error, innovation, grows):
+    key = ("speed-motion", False, "linear-acceleration", "arm", "tangential", 0.8, 1024.0)
+    noise = SimpleNamespace(kappa=0.68, marginal=1.0, sigma=innovation)
+    judgement = SimpleNamespace(noise=SimpleNamespace(blocks={key: noise}))
+    fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, base=error**2),))
+    assert verdict.grows_with_signal(judgement, fit) == grows
