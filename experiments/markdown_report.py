@@ -48,6 +48,7 @@ def sections_of(text: str, folder: Path, charts: Mapping[str, Chart]) -> tuple[s
     parts: list[str] = []
     drawn: list[Chart] = []
     found: list[Section] = []
+    caption = ""
     for kind, lines in _blocks(text):
         if kind == "heading":
             level, _, said = lines[0].partition(" ")
@@ -65,12 +66,15 @@ def sections_of(text: str, folder: Path, charts: Mapping[str, Chart]) -> tuple[s
         elif kind == "list":
             parts.append("<ul>" + "".join(f"<li>{_inline(line[2:])}</li>" for line in lines) + "</ul>")
         else:
+            rest = _IMAGE.sub("", " ".join(lines)).strip()
+            if rest == caption:  # Markdown shows no caption of its own: there it is repeated below the picture
+                rest = ""
             for alt, name in _IMAGE.findall(" ".join(lines)):
+                caption = alt
                 if name in charts:
                     drawn.append(charts[name])
                 elif (folder / name).is_file():
                     parts.append(picture_markup(Picture(path=folder / name, caption=alt)))
-            rest = _IMAGE.sub("", " ".join(lines)).strip()
             if rest:
                 parts.append(f"<p>{_inline(rest)}</p>")
     if parts or drawn:

@@ -8,12 +8,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
+from itertools import zip_longest
 from pathlib import Path
 
 from jointscope.experiments.charts.chart import Chart, Missing
 from jointscope.experiments.charts.svg import MOST_POINTS, chart_markup, look_colours, look_rules
 
 _POINTS = 200_000  # of all lines of a page: about 1.6 MB
+_LONGEST_NUMBER = 32  # characters of a cell that is a number with its unit and interval
 _FEWEST = 400  # of one line: a screen's width shows no more
 _LIGHT = (
     "--ink:#1c2430;--quiet-ink:#566070;--quiet-line:#7b8694;--paper:#fdfdfc;--line:#dde2e8;--edge:#97a1ae;--mark:#1f4e79;"
@@ -168,8 +170,12 @@ def _chart(chart: Chart | Missing, most: int) -> str:
 
 def table_markup(table: Table) -> str:
     """A table that scrolls sideways where it must."""
+    numbers = [all(_is_number(cell) for cell in column) for column in zip_longest(*table.rows, fillvalue="")]
     head = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in table.columns)
-    rows = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>\n" for row in table.rows)
+    rows = "".join(
+        "<tr>" + "".join(_cell(cell, n) for cell, n in zip(row, numbers, strict=False)) + "</tr>\n"
+        for row in table.rows
+    )
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table></div>'
 
 
@@ -178,11 +184,15 @@ def pretty(text: str) -> str:
     return re.sub(r"(?<=[a-zA-Z])\^([23])", lambda power: {"2": "²", "3": "³"}[power[1]], text)
 
 
-def _cell(cell: str) -> str:
-    cell = pretty(cell)
-    number = bool(cell) and (cell[0].isdigit() or (cell[0] in "+-.[" and any(c.isdigit() for c in cell)))
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number with what belongs to it, or empty; what is longer is a sentence and wraps."""
+    begins = cell[:1].isdigit() or (cell[:1] in ("+", "-", ".", "[") and any(c.isdigit() for c in cell))
+    return not cell or cell in ("-", "inf", "nan") or (begins and len(cell) <= _LONGEST_NUMBER)
+
+
+def _cell(cell: str, number: bool) -> str:
     kind = ' class="number"' if number else ""
-    return f"<td{kind}>{html.escape(cell)}</td>"
+    return f"<td{kind}>{html.escape(pretty(cell))}</td>"
 
 
 def picture_markup(picture: Picture) -> str:
