@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from jointscope.diagnosis.errors import Free, channel_errors, mean_error
+import numpy as np
+
+from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error
 from jointscope.diagnosis.verdict import adequacy_of
 
 if TYPE_CHECKING:
@@ -15,6 +19,7 @@ if TYPE_CHECKING:
 
 WORSE = 0.01  # of the base's held-out error
 CLEARLY = 0.9  # of the base's error over what can be foretold, which a named effect must undercut where all in all it is worse
+NEARER = 0.6  # the same of what is left beyond the noise
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
@@ -24,6 +29,19 @@ FOLLOWING = ("angle", "position", "angular-velocity", "velocity")
 def _adrift(run: PreparedRun) -> bool:
     """Whether the rigid body goes where the log's last hundredth carries it, so that its angle tells models nothing."""
     return run.motor_moves and run.speed_command is None
+
+
+def clearly_better(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
+    """Whether the errors are clearly smaller than the base's, as they are or over what noise leaves of them anyway."""
+    return mean_error(told) < CLEARLY * mean_error(base) or _beyond_noise(told) < NEARER * _beyond_noise(base)
+
+
+def _beyond_noise(errors: Sequence[ChannelError]) -> float:
+    """Mean of what the errors are beyond their floors [-]; the errors themselves where no floor is known."""
+    floors = [e.floor if math.isfinite(e.floor) else 0.0 for e in errors]
+    return float(
+        np.mean([math.sqrt(max(e.error**2 - f**2, 0.0)) for e, f in zip(errors, floors, strict=True)] or [0.0])
+    )
 
 
 def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
@@ -41,17 +59,17 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     problem = diagnosis.problem
     adrift = {problem.runs[i].run.id for i in held if _adrift(problem.runs[i])}
 
-    def error(judged: Judged) -> tuple[float, float]:
+    def error(judged: Judged) -> tuple[float, list[ChannelError]]:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
         errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
         told = [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
-        return mean_error(errors), mean_error([replace(e, error=min(e.error, LOST)) for e in told])
+        return mean_error(errors), [replace(e, error=min(e.error, LOST)) for e in told]
 
     of_base = error(base)
 
     def worse(judged: Judged) -> bool:
         whole, told = error(judged)
-        clearly = decision.verdict == "effects" and told < CLEARLY * of_base[1]
+        clearly = decision.verdict == "effects" and clearly_better(told, of_base[1])
         return whole > (1.0 + WORSE) * of_base[0] and not clearly
 
     if not worse(decision.chosen):

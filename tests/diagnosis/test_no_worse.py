@@ -1,13 +1,15 @@
 """What foretells held-out runs worse than the base is not named, by whichever way a joint is diagnosed."""
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.errors import ChannelError
 from jointscope.diagnosis.locate import Places
-from jointscope.diagnosis.no_worse import SECOND_CHOICE
+from jointscope.diagnosis.no_worse import SECOND_CHOICE, clearly_better
 from jointscope.diagnosis.predict import predict_outputs
 
 
@@ -49,3 +51,20 @@ def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, an
     second = answered(worse, no_worse)
     assert second.verdict == "effects" and second.chosen.names == ("backlash@transmission",)
     assert second.probability == pytest.approx(SECOND_CHOICE)
+
+
+@pytest.mark.parametrize(
+    ("error", "floor", "better"),
+    [
+        (0.080, 0.0, True),
+        (0.095, 0.0, False),  # five per cent less
+        (0.095, 0.09, False),  # noise leaves 0.09 whatever the model: 0.030 of 0.044 are left beyond it
+        (0.092, 0.09, True),  # nearly all that could be gained
+        (0.080, math.nan, True),
+        (0.095, math.nan, False),
+    ],
+)
+def test_what_is_clearly_better(error, floor, better):
+    """Against a base of 0.1: a tenth less, or two fifths less of what is left beyond the noise."""
+    named, base = ([ChannelError("r", "torque-sweep", "linear-acceleration@arm", e, floor)] for e in (error, 0.1))
+    assert clearly_better(named, base) is better
