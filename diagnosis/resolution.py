@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from jointscope.diagnosis.channels import ACCELERATIONS, recorded
+from jointscope.diagnosis.channels import ACCELERATIONS, high_pass, recorded
 from jointscope.diagnosis.noise import ANGULAR, quantum
 from jointscope.diagnosis.problem import Output
 from jointscope.recordings.bandlimited import bandlimited
@@ -40,14 +40,18 @@ def thinned(output: Output, *, hits: bool) -> Output:
 
 
 def taken_off(whole: Output, thin: Output) -> float:
-    """Mean square of what ``thin`` lacks of the ``whole`` record, a high-pass included [the channel's unit squared].
+    """Mean square of what thinning took off the ``whole`` record [the channel's unit squared].
 
-    Angles lose nothing to thinning, and of a single sample nothing can be said.
+    What a high-pass takes off both is no part of it. Angles lose nothing to thinning, and of a single sample nothing can
+    be said.
     """
     if thin.recorded_rate is None or whole.quantity in ANGULAR or thin.data.size < 2:
         return 0.0
     kept = bandlimited(thin.data, thin.rate, float(thin.times[0]))(whole.times)
-    lost = (whole.data - kept)[whole.mask]
+    data = whole.data
+    if thin.high_pass is not None and whole.high_pass is None:
+        data = high_pass(data, thin.high_pass, whole.rate)
+    lost = (data - kept)[whole.mask]
     return float(np.mean(np.square(lost))) if lost.size else 0.0
 
 

@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.channels import high_pass
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.noise import quantum
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prepare import prepare, prepare_inputs
-from jointscope.diagnosis.resolution import resolved, thinned
+from jointscope.diagnosis.resolution import resolved, taken_off, thinned
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign, Nameplate, Run, Stream
 
@@ -250,6 +251,17 @@ def test_a_fast_record_is_thinned_where_nothing_is_lost_and_left_where_it_clips(
     assert thinned(slow, hits=False) is slow
     steps = thinned(replace(fast, data=np.round(tones, 1)), hits=False)
     assert quantum(steps) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("corner", [None, 2.0])
+def test_what_thinning_takes_off_is_what_lies_above_its_band(problem, corner):
+    """A tone of 900 Hz, 0.5 high: 0.125. What a high-pass takes off an open-loop record is not lost to thinning."""
+    output = next(o for o in problem.runs[-1].outputs if "acceleration" in o.quantity)
+    times = np.arange(8192) / 4096.0
+    tones = 5.0 * np.sin(2 * np.pi * 0.5 * times) + 0.5 * np.sin(2 * np.pi * 900.0 * times)
+    whole = replace(output, rate=4096.0, times=times, data=tones, mask=np.ones(8192, dtype=bool), step=None)
+    kept = whole if corner is None else replace(whole, data=high_pass(tones, corner, 4096.0), high_pass=corner)
+    assert taken_off(whole, thinned(kept, hits=False)) == pytest.approx(0.125, rel=0.03)
 
 
 def test_a_decay_below_the_encoders_step_is_not_scored():
