@@ -48,7 +48,7 @@ EVIDENT = (
     200.0  # nats of such a force that is too weak to matter, and yet is there: neither is "none" an answer then
 )
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
-AS_MUCH_AS_NAMED = 0.5  # of what the named effects gained, explained by the input alone: then they are no answer
+AS_MUCH_AS_NAMED = 0.65  # of what the named effects gained, explained by the input alone: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
 
 
@@ -202,7 +202,10 @@ def decide(judgement: Judgement) -> Decision:
             return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)
         sure = top.probability * _beyond(1.0 / max(lack, 1e-9))
         return Decision("none", judgement.base, sure, ranking, None, (), fit)
-    if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT:
+    material = compare(judgement, judgement.base, top.judged).material
+    if fit.explained < EXPLAINED and fit.model_left > max(
+        MATERIAL_LEFT, material
+    ):  # more is left than was explained
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     if len(top.names) >= TOO_MANY:
@@ -243,16 +246,20 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     )
 
 
+def _owed(found: Sequence[Remainder]) -> float:
+    return sum(r.gain + r.held_gain for r in found if r.stands)
+
+
 def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: Sequence[Remainder]) -> Decision:
     """The answer where the input itself, at a few lags, explains about as much as the named effects: a pickup does that.
 
     Args:
-        left: What the named effects leave and follows the input: nothing, where they are right.
-        at_base: The same of the base.
+        left: What the named effects leave and follows the input: nothing, where they are right and all there is.
+        at_base: The same of the base; what the named effects took of it is what they are held against.
     """
     if decision.verdict != "effects" or not any(r.stands for r in left):
         return decision
-    followed = sum(r.gain + r.held_gain for r in at_base if r.stands)
+    followed = _owed(at_base) - _owed(left)  # what is left owes to something else
     named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
     ratio = followed / (AS_MUCH_AS_NAMED * named)
     if ratio < 1.0:

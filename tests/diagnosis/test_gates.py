@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import adjudicate, verdict
+from jointscope.diagnosis.adequacy import Adequacy
 from jointscope.diagnosis.gates import REAL, UNASKED, Comparison
 from jointscope.diagnosis.parameters import bounded, near_nameplate
 from jointscope.diagnosis.verdict import TEMPERATURE, contains, distance, rank, temperature
@@ -274,3 +275,23 @@ def test_an_envelope_of_noise_says_nothing_of_the_model(error, innovation, grows
     judgement = SimpleNamespace(noise=SimpleNamespace(blocks={key: noise}))
     fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, base=error**2),))
     assert verdict.grows_with_signal(judgement, fit) == grows
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "material", "said"),
+    [
+        (0.0, 0.013, 0.005, "unknown"),  # what runs have in common is left as it was
+        (0.0, 0.013, 0.085, "effects"),  # something faint is left beside a strong effect that acts elsewhere
+        (0.9, 0.013, 0.005, "effects"),
+        (0.0, 0.008, 0.005, "effects"),
+    ],
+)
+def test_more_must_be_left_than_was_explained_for_an_effect_to_be_no_answer(
+    monkeypatch, explained, left, material, said
+):
+    top = verdict.Ranked(("torque-ripple@motor",), 0.99, 500.0, SimpleNamespace(), None)
+    monkeypatch.setattr(verdict, "rank", lambda _: [top])
+    fit = Adequacy((), explained, left, left)
+    monkeypatch.setattr(verdict, "adequacy_of", lambda *_: fit)
+    monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, material=material))
+    assert verdict.decide(SimpleNamespace(base=None)).verdict == said

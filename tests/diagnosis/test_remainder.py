@@ -69,10 +69,16 @@ def test_two_channels_of_one_kind_are_one_run(problem, recorded):
 @pytest.mark.parametrize(
     ("left", "gain", "held_gain", "verdict"),
     [
-        (25.0, 40.0, 30.0, "unknown"),
+        (25.0, 80.0, 75.0, "unknown"),
+        (
+            60.0,
+            80.0,
+            70.0,
+            "effects",
+        ),  # most of what follows the input is still there: something else beside the named
         (25.0, 20.0, 10.0, "effects"),  # a third of what the named effect gains
         (25.0, 70.0, 0.0, "effects"),  # it does not carry over
-        (0.0, 40.0, 30.0, "effects"),  # the named effect leaves nothing of it: a sensor's resonance, say
+        (0.0, 80.0, 75.0, "effects"),  # the named effect leaves nothing of it: a sensor's resonance, say
     ],
 )
 def test_what_the_input_explains_as_well_is_not_named(problem, recorded, deciding, left, gain, held_gain, verdict):
