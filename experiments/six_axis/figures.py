@@ -119,8 +119,9 @@ def _stabilisation(out: Path, hammer: HammerResult) -> tuple[str, str]:
     behind.set(ylabel="|FRF|")
     behind.grid(visible=False)
     axes.set(xlabel="frequency [Hz]", ylabel="modes asked for", xlim=hammer.modes.band,
-             title=f"Stabilisation: the evidence keeps {hammer.modes.fit.model.modes} modes")  # fmt: skip
-    axes.legend(loc="upper left")
+             title=f"Stabilisation: the evidence keeps {hammer.modes.fit.model.modes} modes",
+             yticks=range(1, max((p.order for p in poles), default=1) + 1))  # fmt: skip
+    axes.legend(loc="lower right")
     _table(out / "stabilisation.csv", {"order": np.array([p.order for p in poles], float),
                                        "frequency_Hz": np.array([p.frequency for p in poles]),
                                        "damping_ratio": np.array([p.damping_ratio for p in poles]),
@@ -172,16 +173,18 @@ def _torque(out: Path, torque: TorqueResult) -> tuple[str, str]:
     rate = 1.0 / (torque.times[1] - torque.times[0])
     figure, (top, bottom) = plt.subplots(2, 1, figsize=(7, 4.6), constrained_layout=True)
     top.plot(torque.times, torque.envelope, color=QUIET, lw=0.8, label="|h[i_a]| K_t (28, 29): no sign")
+    top.plot(torque.times, torque.true, color=MEASURED, lw=2.4, label="true")
     top.plot(torque.times, torque.vector, color=PREDICTED, lw=0.6, label="signed, from the current vector")
-    top.plot(torque.times, torque.true, color=MEASURED, lw=0.6, label="true")
     for start, end in torque.doubts:
         top.axvspan(start, end, color=QUIET, alpha=0.4)
+    top.margins(y=0.18)  # the legend stands above the curves
     top.set(xlabel="time [s]", ylabel="torque [N m]", title=f"Figure 21 (a) electromagnetic torque, {torque.run}")
     top.legend(ncols=3)
     spectra = {name: spectrum(getattr(torque, name), rate) for name in ("envelope", "vector", "true")}
-    for (_, found), colour in zip(spectra.items(), (QUIET, PREDICTED, MEASURED), strict=True):
+    for name, colour, width in (("envelope", QUIET, 0.7), ("true", MEASURED, 2.0), ("vector", PREDICTED, 0.6)):
+        found = spectra[name]
         inside = (found.frequency > 0.5) & (found.frequency < 100.0)
-        bottom.semilogy(found.frequency[inside], np.abs(found.amplitude[inside]), color=colour, lw=0.7)
+        bottom.semilogy(found.frequency[inside], np.abs(found.amplitude[inside]), color=colour, lw=width)
     bottom.set(xlabel="frequency [Hz]", ylabel="torque [N m]", title="(b) its spectrum")
     _table(out / "figure-21.csv", {"time_s": torque.times, "true": torque.true, "vector": torque.vector,
                                    "park": torque.park, "envelope": torque.envelope})  # fmt: skip
