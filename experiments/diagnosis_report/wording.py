@@ -190,13 +190,16 @@ def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
         )
     return (
         "The recordings differ from the model by more than their noise, and no effect of the catalogue explains it "
-        f"(probability {sure}).{_following(answer)}"
+        f"(probability {sure}).{_following(answer, translational)}"
     )
 
 
-def _following(answer: dict[str, Any]) -> str:
+def _following(answer: dict[str, Any], translational: bool) -> str:
     """What shows it: an effect that does not keep its size, or a residual that still follows the input."""
-    left = [*(answer.get("changes") or []), *(answer.get("remainder") or [])]
+    if answer.get("changes"):
+        said = in_words(answer["changes"][0]["sentence"], translational=translational)
+        return f" {said[0].upper()}{said[1:]}."
+    left = answer.get("remainder") or []
     return f" In {left[0]['sentence']}." if left else ""
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz_sos, sosfilt
 
+from jointscope.diagnosis.constancy import Change, changes_json
 from jointscope.diagnosis.effects import REGISTRY
 from jointscope.diagnosis.noise import BlockNoise
 from jointscope.experiments.charts.chart import Missing
@@ -111,6 +112,13 @@ def test_look_alikes_of_one_place_have_it_said_once_and_what_they_gain():
     )
     assert told.count("at the arm") == 1 and "leaves out something at the arm" in told
     assert "from 60.0 % to 95.0 %" in told and "97 %" in told
+
+
+def test_an_effect_that_does_not_keep_its_size_is_told_in_words():
+    change = Change("coulomb-friction@motor", -0.35, 0.03, 80.0, 40.0, 35.0)
+    told = verdict_sentence({**answer("unknown"), "changes": changes_json((change,))}, translational=False)
+    assert "Dry friction in the motor comes nearest" in told
+    assert "falls by 70 +- 6 % of its mean" in told and "@" not in told
 
 
 def test_where_the_model_is_farthest_above_the_noise_is_said():
