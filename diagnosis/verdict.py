@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from jointscope.diagnosis.adequacy import Adequacy, adequacy
+from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
@@ -42,6 +42,7 @@ GROWING = 0.1  # error over signal, where it grows with it, beyond which the mod
 MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
 WHITE = 2.0  # times its innovation, below which noise is about white
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
+TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
 EVIDENT = (
@@ -187,6 +188,16 @@ def foreseen(judgement: Judgement, fit: Adequacy) -> float:
     return max((n.marginal / n.sigma for key, n in blocks if sizes.get(key, 0.0) > MATTERS), default=0.0)
 
 
+def _acts_elsewhere(judgement: Judgement, top: Ranked, fit: Adequacy) -> bool:
+    """Whether a set touches nothing of what runs driven alike have in common, and explains more where it does act.
+
+    A ripple in motions is not held against hits, in which something else is left.
+    """
+    told = [b for b in fit.blocks if b.excess > EXCESS]
+    touched = any(abs(b.base_common - b.model_common) > TOUCHED * b.base_common for b in told)
+    return not touched and compare(judgement, judgement.base, top.judged).material > fit.model_left
+
+
 def decide(judgement: Judgement) -> Decision:
     """The verdict on the evidence."""
     ranking = tuple(rank(judgement))
@@ -202,10 +213,7 @@ def decide(judgement: Judgement) -> Decision:
             return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)
         sure = top.probability * _beyond(1.0 / max(lack, 1e-9))
         return Decision("none", judgement.base, sure, ranking, None, (), fit)
-    material = compare(judgement, judgement.base, top.judged).material
-    if fit.explained < EXPLAINED and fit.model_left > max(
-        MATERIAL_LEFT, material
-    ):  # more is left than was explained
+    if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT and not _acts_elsewhere(judgement, top, fit):
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     if len(top.names) >= TOO_MANY:

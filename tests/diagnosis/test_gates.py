@@ -278,20 +278,22 @@ def test_an_envelope_of_noise_says_nothing_of_the_model(error, innovation, grows
 
 
 @pytest.mark.parametrize(
-    ("explained", "left", "material", "said"),
+    ("touched", "left", "material", "said"),
     [
         (0.0, 0.013, 0.005, "unknown"),  # what runs have in common is left as it was
-        (0.0, 0.013, 0.085, "effects"),  # something faint is left beside a strong effect that acts elsewhere
+        (0.0, 0.013, 0.085, "effects"),  # something faint is left in hits, beside a strong effect of motions
+        (0.4, 0.013, 0.085, "unknown"),  # it acts there, and most is left
         (0.9, 0.013, 0.005, "effects"),
         (0.0, 0.008, 0.005, "effects"),
     ],
 )
-def test_more_must_be_left_than_was_explained_for_an_effect_to_be_no_answer(
-    monkeypatch, explained, left, material, said
+def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
+    monkeypatch, touched, left, material, said
 ):
+    block = SimpleNamespace(excess=0.02, base_common=4e-4, model_common=4e-4 * (1.0 - touched))
     top = verdict.Ranked(("torque-ripple@motor",), 0.99, 500.0, SimpleNamespace(), None)
     monkeypatch.setattr(verdict, "rank", lambda _: [top])
-    fit = Adequacy((), explained, left, left)
+    fit = Adequacy((block,), touched, left, left)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: fit)
     monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, material=material))
     assert verdict.decide(SimpleNamespace(base=None)).verdict == said
