@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +45,7 @@ def improvement(
     base: Energies,
     before: Energies,
     after: Energies,
-    echo: Mapping[Kind, float] = MappingProxyType({}),
+    echo: Mapping[Kind, float],
 ) -> tuple[float, float, float]:
     """(material, share, rest) of :class:`Comparison` from the error energies of base, parent and child.
 

@@ -23,6 +23,7 @@ SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, seco
 SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
 REST = 0.9  # or this of the energy that the parent leaves: no stand-in for a form's error gets that far
 REST_OF_EXACT = 0.5  # the same beside laws that have one form only
+EVIDENT = 200.0  # nats of a force without a name that is too weak to matter, and yet is there beyond doubt
 REAL_UNREACHED = 200.0  # nats asked of the fitted runs then
 LOST_UNREACHED = 30.0  # nats that the held-out runs may lose then: the base's parameters move a little
 
@@ -97,3 +98,9 @@ class Comparison:
             and self.material > MATERIAL
             and (self.share > needed or much or both or nearly_all)
         )
+
+    @property
+    def evident(self) -> bool:
+        """There beyond doubt, be it ever so small: much evidence, and held-out runs that gain what was foretold."""
+        agrees = self.held_gain > AGREES * self.foretold_held
+        return self.gain > EVIDENT and self.material > 0.0 and self.carries_over and agrees

@@ -109,7 +109,8 @@ def diagnose(
     decision = with_remainder(decision, left)
     if decision.verdict == "effects":
         changing = changes(judgement, decision.chosen)
-        decision = with_followed_input(decision, left, remainders(judgement, judgement.base))
+        at_base = remainders(judgement, judgement.base) if any(r.stands for r in left) else ()
+        decision = with_followed_input(decision, left, at_base)
         decision = with_changes(decision, changing)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from jointscope.diagnosis.channels import ACCELERATIONS, high_pass, recorded
+from jointscope.diagnosis.channels import ACCELERATIONS, recorded
 from jointscope.diagnosis.noise import ANGULAR, quantum
 from jointscope.diagnosis.problem import Output
 from jointscope.recordings.bandlimited import bandlimited
@@ -35,24 +35,14 @@ def thinned(output: Output, *, hits: bool) -> Output:
     mask = np.ones(times.size, dtype=np.bool_)
     mask[-TAIL:] = False
     data = recorded(output.data, output.rate, float(output.times[0]), times, rate)
-    step_of = quantum(output)
-    return replace(output, rate=rate, times=times, data=data, mask=mask, step=step_of, recorded_rate=output.rate)
-
-
-def taken_off(whole: Output, thin: Output) -> float:
-    """Mean square of what thinning took off the ``whole`` record [the channel's unit squared].
-
-    What a high-pass takes off both is no part of it. Angles lose nothing to thinning, and of a single sample nothing can
-    be said.
-    """
-    if thin.recorded_rate is None or whole.quantity in ANGULAR or thin.data.size < 2:
-        return 0.0
-    kept = bandlimited(thin.data, thin.rate, float(thin.times[0]))(whole.times)
-    data = whole.data
-    if thin.high_pass is not None and whole.high_pass is None:
-        data = high_pass(data, thin.high_pass, whole.rate)
-    lost = (data - kept)[whole.mask]
-    return float(np.mean(np.square(lost))) if lost.size else 0.0
+    thin = replace(
+        output, rate=rate, times=times, data=data, mask=mask, step=quantum(output), recorded_rate=output.rate
+    )
+    if output.quantity in ANGULAR or times.size < 2 or not output.mask.any():
+        # angles lose nothing, and of one sample, or none that counts, nothing can be said
+        return thin
+    lost = (output.data - bandlimited(data, rate, float(times[0]))(output.times))[output.mask]
+    return replace(thin, taken_off=float(np.mean(np.square(lost))))
 
 
 def clips(output: Output) -> bool:

@@ -118,7 +118,7 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
         gain += 0.5 * float(old @ old - new @ new)
     runs = arena.objective.prepared
     parents = error_energies(runs, before)
-    material, _, _ = improvement(parents, parents, error_energies(runs, after))
+    material, _, _ = improvement(parents, parents, error_energies(runs, after), {})
     return gain > PROMISING * added and material > MATERIAL
 
 

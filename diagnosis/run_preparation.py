@@ -13,7 +13,7 @@ from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
-from jointscope.diagnosis.resolution import TAIL, resolved, taken_off, thinned
+from jointscope.diagnosis.resolution import TAIL, resolved, thinned
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
@@ -98,12 +98,7 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
         declared=declared,
     )
     corner = max(observer_corner(prepared), OBSERVER_HZ)
-    whole = {o.channel: o for o in declared}
-    lost = [taken_off(whole[o.channel], o) if o.channel in whole else 0.0 for o in outputs]
-    return replace(
-        prepared,
-        outputs=tuple(replace(o, followed_to=corner, taken_off=off) for o, off in zip(outputs, lost, strict=True)),
-    )
+    return replace(prepared, outputs=tuple(replace(o, followed_to=corner) for o in outputs))
 
 
 def _without_outputs(run: Run) -> Run:

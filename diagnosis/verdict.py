@@ -13,7 +13,8 @@ from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
-from jointscope.diagnosis.gates import AGREES, OF_PARENT, Comparison
+from jointscope.diagnosis.gates import OF_PARENT, Comparison
+from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
 
@@ -45,9 +46,6 @@ EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate
 TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
-EVIDENT = (
-    200.0  # nats of such a force that is too weak to matter, and yet is there: neither is "none" an answer then
-)
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
 AS_MUCH_AS_NAMED = 0.65  # of what the named effects gained, explained by the input alone: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
@@ -160,13 +158,17 @@ def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
     return adequacy(runs, judgement.noise, base, model)
 
 
+def _error_sizes(fit: Adequacy) -> dict[Key, float]:
+    """Error of the base over the signal, both rms, per kind of channel [-]."""
+    return {block.key: math.sqrt(max(block.base, 0.0)) for block in fit.blocks}
+
+
 def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
     """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent.
 
     A record that is noise for the most part has an envelope of noise, and says nothing of it where that noise is white.
     """
-    sizes = {block.key: math.sqrt(max(block.base, 0.0)) for block in fit.blocks}
-    blocks = judgement.noise.blocks.items()
+    sizes, blocks = _error_sizes(fit), judgement.noise.blocks.items()
     return max(
         (
             n.kappa
@@ -183,8 +185,7 @@ def foreseen(judgement: Judgement, fit: Adequacy) -> float:
     An instrument's noise is nearly as large as its innovation (1.7 times at most on 40 nulls); what a model leaves out
     repeats itself from sample to sample.
     """
-    sizes = {block.key: math.sqrt(max(block.base, 0.0)) for block in fit.blocks}
-    blocks = judgement.noise.blocks.items()
+    sizes, blocks = _error_sizes(fit), judgement.noise.blocks.items()
     return max((n.marginal / n.sigma for key, n in blocks if sizes.get(key, 0.0) > MATTERS), default=0.0)
 
 
@@ -293,12 +294,6 @@ def _shared(ranking: Sequence[Ranked], near: Sequence[Ranked]) -> Ranked | None:
     return found if found is not None and found.score > 0.0 else None
 
 
-def _evident(against: Comparison) -> bool:
-    """Whether something small is there beyond doubt: much evidence, and held-out runs that gain what was foretold."""
-    agrees = against.held_gain > AGREES * against.foretold_held
-    return against.gain > EVIDENT and against.material > 0.0 and against.carries_over and agrees
-
-
 def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:
     """The answer in view of a force without a name.
 
@@ -306,7 +301,7 @@ def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) 
     something is there that no candidate explains.
     """
     against = compare(judgement, decision.chosen, table)
-    if math.isnan(against.held_gain) or not (against.stands or _evident(against)):
+    if math.isnan(against.held_gain) or not (against.stands or against.evident):
         return decision
     if decision.verdict == "none":
         if against.gain < UNNAMED:

@@ -218,13 +218,16 @@ def _runs_of(
         column = next(c for c in record.columns if c.name == force)
         cut = hit_windows(np.asarray(column.read(), dtype=np.float64), rate)
         windows = list(cut) if len(cut) > 1 else [None]
+    used = {channel.values["column"] for channel in channels}
+    gappy = (c.name for c in record.columns if c.name in used and np.isnan(np.asarray(c.read())).any())
+    missing = next(gappy, "")
     runs = []
     for number, window in enumerate(windows, start=1):
         own = Draft(
             {"id": run_identity(record, number if len(windows) > 1 else 0, taken), **keys.values},
             dict(keys.guessed),
         )
-        stream = stream_draft(record, name, rate, channels)
+        stream = stream_draft(record, name, rate, missing)
         if window is not None:
             stream.guess(
                 "window", list(window), f"hit {number} of {len(windows)}, with {1e3 * 0.1:.0f} ms before it"

@@ -65,8 +65,8 @@ def guess_experiment(channels: Sequence[Draft], record: Record) -> tuple[str, st
     return "free", "no excitation was recognised"
 
 
-def stream_draft(record: Record, name: str, rate: float | None, channels: Sequence[Draft]) -> Draft:
-    """The stream's own keys."""
+def stream_draft(record: Record, name: str, rate: float | None, missing: str) -> Draft:
+    """The stream's own keys; ``missing`` is a column that lacks values, empty where none does."""
     draft = Draft({"file": name})
     if rate is not None and "taken as" in record.rate_from and rate == record.rate:
         draft.guess("sampling_rate", rate, record.rate_from)
@@ -76,10 +76,8 @@ def stream_draft(record: Record, name: str, rate: float | None, channels: Sequen
         draft.state("time", record.time)
     if record.time is not None and not record.uniform:
         draft.guess("gaps", "mask", "the time stamps are not uniform; rows may be missing")
-    used = {channel.values["column"] for channel in channels}
-    missing = [c.name for c in record.columns if c.name in used and np.isnan(np.asarray(c.read())).any()]
     if missing:
-        draft.guess("gaps", "mask", f"values of {missing[0]} are missing")
+        draft.guess("gaps", "mask", f"values of {missing} are missing")
     return draft
 
 

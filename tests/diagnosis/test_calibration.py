@@ -125,3 +125,19 @@ def test_nothing_is_learnt_from_test_cases(rows, tmp_path):
     with pytest.raises(InputError, match="nothing is learnt from test cases"):
         learn_map([proof_of(tmp_path / "a", rows[:40], "test")], tmp_path / "map.json")
     assert not (tmp_path / "map.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["real", "--data", "d", "--calibrate", "map.json"], "--calibrate"),
+        (["real", "--data", "d", "--limit", "3"], "--limit"),
+        (["draw", "--beside", "proof"], "--beside"),
+    ],
+)
+def test_an_option_that_would_not_be_used_is_refused(tmp_path, monkeypatch, capsys, words, named):
+    monkeypatch.chdir(tmp_path)
+    assert main(["prove", *words]) != 0
+    said = capsys.readouterr().err
+    assert named in said and len(said.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())

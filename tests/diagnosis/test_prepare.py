@@ -14,7 +14,7 @@ from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.noise import quantum
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prepare import prepare, prepare_inputs
-from jointscope.diagnosis.resolution import resolved, taken_off, thinned
+from jointscope.diagnosis.resolution import resolved, thinned
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign, Nameplate, Run, Stream
 
@@ -261,7 +261,7 @@ def test_what_thinning_takes_off_is_what_lies_above_its_band(problem, corner):
     tones = 5.0 * np.sin(2 * np.pi * 0.5 * times) + 0.5 * np.sin(2 * np.pi * 900.0 * times)
     whole = replace(output, rate=4096.0, times=times, data=tones, mask=np.ones(8192, dtype=bool), step=None)
     kept = whole if corner is None else replace(whole, data=high_pass(tones, corner, 4096.0), high_pass=corner)
-    assert taken_off(whole, thinned(kept, hits=False)) == pytest.approx(0.125, rel=0.03)
+    assert thinned(kept, hits=False).taken_off == pytest.approx(0.125, rel=0.03)
 
 
 def test_a_decay_below_the_encoders_step_is_not_scored():

@@ -80,7 +80,12 @@ def run(options: argparse.Namespace) -> int:
     """Prove; the exit code is 0 whatever the score."""
     import json
 
+    from jointscope.errors import InputError
+
+    if options.beside and options.calibrate is None:
+        raise InputError("prove", "--beside", "belongs to --calibrate", fix="say --calibrate FILE too")
     if options.draw == Path("real") and (options.data is not None or not options.draw.is_dir()):
+        _refuse(options, ("calibrate", "page", "limit", "scheduler"), "recordings of others")
         return _real(options)
 
     from jointscope.experiments.prove import page
@@ -90,6 +95,7 @@ def run(options: argparse.Namespace) -> int:
     folder = Path(options.draw)
     out = options.out or folder.with_name(folder.name + "-proof")
     if is_arm_draw(folder):
+        _refuse(options, ("calibrate", "page", "scheduler"), "draws of arms")
         return _arms(options, folder, out)
     summary = saved(folder, out) if options.page else None
     if summary is None:
@@ -110,6 +116,15 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {row['name']:<90} {page.shown(row)}")
     print(f"{options.page or out / 'proof.md'}")
     return 0
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], what: str) -> None:
+    """No option is read and not used."""
+    from jointscope.errors import InputError
+
+    for name in names:
+        if getattr(options, name) is not None:
+            raise InputError(options.draw, f"--{name}", f"is not for {what}", fix="leave it out")
 
 
 def _calibrate(proofs: Sequence[Path], file: Path) -> None:
