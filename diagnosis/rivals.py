@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
+from jointscope.diagnosis.effects.periodic import HARMONICS
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -37,6 +38,9 @@ Vector = NDArray[np.float64]
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
 )
+WHOLE = 0.06  # from a whole number, what an order may be off
+WHOLE_FROM = 0.9
+PHASES = tuple(k * math.pi / 3.0 for k in range(-2, 4))
 _CARRIERS = ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned")
 FREER = {  # by variant, the laws of more parameters that start where it was found
     "turning-mount": _CARRIERS,
@@ -179,7 +183,7 @@ def _in_place(
 
 def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
     """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
-    known = dict(zip((p.name for p in leader.spec.parameters), leader.values, strict=True))
+    known = {"asymmetry": 0.0, **dict(zip((p.name for p in leader.spec.parameters), leader.values, strict=True))}
     found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
         names = [p.name for p in trial.spec.parameters]
@@ -187,6 +191,10 @@ def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[
             values = tuple(known.get(name, value) for name, value in zip(names, trial.values, strict=True))
             ways = tuple(v for name, v in zip(names, trial.values, strict=True) if name == "direction")
             found.setdefault((id(trial.spec), ways), ActiveEffect(trial.spec, values))
+            if trial.spec.family == "periodic" and trial.spec.name != leader.spec.name:
+                for turn in PHASES:  # an angle's phase is not that of a torque with the same response
+                    turned = (*values[:2], turn, *values[3:])
+                    found.setdefault((id(trial.spec), turn), ActiveEffect(trial.spec, turned))
     return list(found.values())
 
 
@@ -196,7 +204,28 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
     groups: dict[int, list[ActiveEffect]] = {}
     for active in _same_numbers(wider, leader):
         groups.setdefault(id(active.spec), []).append(active)
-    return list(groups.values())
+    slower = [slower_lines(active, k) for active in _same_numbers(wider, leader) for k in (2, 3)]
+    return [*groups.values(), *(trials for trials in slower if trials)]
+
+
+def slower_lines(active: ActiveEffect, k: int) -> list[ActiveEffect]:
+    """An order's line as the ``k``-th harmonic of one that makes a whole number of periods in a turn, as strong as it.
+
+    Whichever harmonic meets the joint's resonance is the loudest.
+    """
+    names = [p.name for p in active.spec.parameters]
+    if HARMONICS[0] not in names:
+        return []
+    amplitude, order, phase = active.values[:3]
+    if order / k < WHOLE_FROM or abs(order / k - round(order / k)) > WHOLE / k:
+        return []
+    found = []
+    for turn in PHASES:
+        values = [amplitude, order / k, turn, *[0.0] * len(HARMONICS)]
+        ahead = phase - k * turn
+        values[2 * k - 1 : 2 * k + 1] = amplitude * math.cos(ahead), amplitude * math.sin(ahead)
+        found.append(ActiveEffect(active.spec, tuple(values)))
+    return found
 
 
 def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:

@@ -31,16 +31,18 @@ from jointscope.diagnosis.search import (
     extend,
     fit_pairs,
     fit_singles,
+    name_of,
     profile_loss,
     screen_on,
 )
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.effects import EffectSpec
+    from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 
+SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
 
 
@@ -133,8 +135,27 @@ def residuals_of(stage: Stage) -> list[list[Vector]]:
 
 
 def _losses(arena: Arena) -> dict[tuple[str, ...], float]:
-    """Loss of the best fit of every set."""
-    return {h.names: h.loss for h in reversed(arena.hypotheses)}
+    """Loss of the best fit of every set that has the leading set's own laws of what both hold."""
+    leader = arena.hypotheses[0]
+    own = {name_of(spec): spec for spec in leader.specs}
+    alike = (h for h in reversed(arena.hypotheses) if all(own.get(name_of(s), s) is s for s in h.specs))
+    return {h.names: h.loss for h in alike}
+
+
+def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
+    """Each member of the leading pair may have stood in for its look-alike, and that may let the other one be told."""
+    for _ in range(SWAPS):
+        leader = arena.hypotheses[0]
+        if len(leader.names) != 2:
+            break
+        found = rivals(arena.objective, arena.base.fit, leader, candidates, _losses(arena), effort)
+        found.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
+        if not found:
+            break
+        arena = settled(arena, found, effort)
+        if all(a is b for a, b in zip(arena.hypotheses[0].specs, leader.specs, strict=False)):
+            break
+    return arena
 
 
 def explore(
@@ -168,12 +189,8 @@ def explore(
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
-        leader = arena.hypotheses[0]
-        if len(leader.names) == 2 and size == 3:  # each member may have stood in for its look-alike
-            known = _losses(arena)
-            swapped = rivals(arena.objective, arena.base.fit, leader, candidates, known, effort)
-            swapped.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
-            arena = settled(arena, swapped, effort) if swapped else arena
+        if size == 3:
+            arena = _swapped(arena, candidates, effort)
         best = arena.hypotheses[0]
         parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
         if len(best.names) < size - 1 or size > effort.size:

@@ -6,6 +6,7 @@ nearly nothing where that ends above the parent, so a child is never worse than 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -141,6 +142,7 @@ def fit_child(
     starts.append(where.pack(theta, (*effects, *(resized(a, NEARLY_NOTHING) for a in actives))))
     residuals = [objective.residual(x, where) for x in starts]
     order = np.argsort([float(w @ w) for w in residuals], kind="stable")
+    best: Fit | None = None
     for i in order[:2]:
         new = objective.columns(starts[i], where, residuals[i], range(parent.coordinates.n, where.n))
         jacobian = np.concatenate([parent.jacobian, new], axis=1)
@@ -161,9 +163,11 @@ def fit_child(
             tolerance=3e-3,
             simulations=effort.fit_simulations,
         )
-        if fit.chi2 < parent.chi2:
-            return fit
-    return None
+        if fit.chi2 < min(parent.chi2, math.inf if best is None else best.chi2):
+            best = fit
+        if best is not None and (i < len(starts) - 1 or not other_bases):
+            break  # from nearly nothing, where other effects and bases were at hand, is no more than a second best
+    return best
 
 
 def with_orders_held(where: Coordinates, x: Vector, new: int) -> Coordinates:
@@ -353,7 +357,8 @@ def candidates_for(
             sizes = (0, 1, 2) if shapes == 1 else (0, 1) if shapes <= 3 else (1,)
             smaller = tuple(range(-spec.decades, 0))
             trials = trial_effects(spec, problem, (*smaller, *sizes))
-            found.extend(trials if spec.residual_starts is None or not residuals else trials[::THINNED])
+            dense = spec.residual_starts is not None and spec.family != "periodic"  # a wrong phase hides an order
+            found.extend(trials[::THINNED] if dense and residuals else trials)
             if spec.residual_starts is not None and residuals:
                 for shape in spec.residual_starts(problem, residuals):
                     for scale in spec.scale(problem)[:2]:

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 
+SLOWEST = 1e-3  # of the top speed, below which a Stribeck speed is not told from sticking
+LARGER = 1.08  # breakaway over sliding friction, from which it is a Stribeck friction
+
+
 def _blocks(location: str) -> tuple[int, int]:
     if location == "motor":
         return kernel.FM_PLUS, kernel.FRICTION_M
@@ -67,6 +71,11 @@ def top_speed(problem: Problem, location: str) -> float:
     """Peak speed of the motor or the arm at the joint output [rad/s]."""
     s = problem.scales
     return max(s.motor_speed if location == "motor" else s.speed, 1e-6)
+
+
+def breaks_away(values: Values) -> bool:
+    """Whether the breakaway is above the sliding friction by more than the form of Coulomb's law leaves open."""
+    return values[1] > LARGER * values[0]
 
 
 def excess(torque: float, breakaway: float) -> float:
@@ -132,7 +141,7 @@ def _torque_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {
         "torque": (0.0, top),
         "breakaway": (1e-6 * top, 2.0 * top),
-        "stribeck_velocity": (1e-4 * speed, 2.0 * speed),
+        "stribeck_velocity": (SLOWEST * speed, 2.0 * speed),
     }
 
 
@@ -148,7 +157,7 @@ def _drag_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 _TORQUE = ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0)
-_ASYMMETRY = ParameterSpec("asymmetry", "1", -0.9, 0.9)
+ASYMMETRY = ParameterSpec("asymmetry", "1", -0.9, 0.9)
 _VISCOUS = ParameterSpec("viscous_asymmetry", "1", -0.9, 0.9)
 _STRIBECK = (
     _TORQUE,
@@ -180,7 +189,7 @@ def _coulomb_specs(location: Location) -> tuple[EffectSpec, ...]:
     sided = (lambda problem: ((0.05,),), _coulomb(location), _zero_known)
     common: dict[str, tuple[tuple[ParameterSpec, ...], Starts, Apply, Possible | None]] = {
         "plain": ((_TORQUE,), one_start, _coulomb(location), None),
-        "asymmetric": ((_TORQUE, _ASYMMETRY), *sided),
+        "asymmetric": ((_TORQUE, ASYMMETRY), *sided),
     }
     if location == "load":
         common["one-sided"] = ((_TORQUE, _VISCOUS), lambda problem: ((-0.1,), (0.1,)), _one_sided, _zero_unknown)
@@ -216,7 +225,7 @@ def _stribeck_specs(location: Location) -> tuple[EffectSpec, ...]:
             law="[T + (T_b - T) exp(-|w/w_s|^a)] sgn(w)",
             revealed_by=("speed-motion",),
             look_alikes=("coulomb-friction", "load-dependent-friction"),
-            sensible=lambda values: values[1] > values[0],
+            sensible=breaks_away,
             apply=_stribeck(location, exponent),
             scale=_sizes(location),
             starts=_speeds(location),

@@ -2,7 +2,7 @@ r"""Periodic in position: the gear's kinematic error and the motor's torque ripp
 
     Delta = q_s + a sin(order angle + phase) - q          transmission-error
     tau + a sin(order angle + phase)                      torque-ripple (cogging), or a share of tau
-    a [sin x + h_s sin 2x + h_c cos 2x] for a sin x       either with its second harmonic
+    a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x for a sin x    either with two harmonics
 
 Facts used as tests: at constant speed w the line stands at order w; the error cancels in the momentum balance of both
 inertias, the ripple does not.
@@ -35,19 +35,20 @@ if TYPE_CHECKING:
 
 _MOTOR_ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _OUTPUT_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 39.0, 40.0)
-_PHASES = (0.0, 0.5 * math.pi)
-_TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # from the phase that the residual shows
+_TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # one of them is within 60 degrees of any phase
 
 
 def harmonics(values: Values) -> tuple[tuple[float, float, float], ...]:
-    """(amplitude, order, phase) of every line of ``amplitude, order, phase[, h_s, h_c]``."""
+    """(amplitude, order, phase) of every line of ``amplitude, order, phase[, h_s, h_c, g_s, g_c]``."""
     amplitude, order, phase = values[:3]
-    lines = ((amplitude, order, phase),)
-    if len(values) == 3:
-        return lines
-    sine, cosine = values[3:]
-    second = (amplitude * math.hypot(sine, cosine), 2.0 * order, 2.0 * phase + math.atan2(cosine, sine))
-    return (*lines, second)
+    further = enumerate(zip(values[3::2], values[4::2], strict=True), start=2)
+    return (
+        (amplitude, order, phase),
+        *(
+            (math.hypot(sine, cosine), k * order, k * phase + math.atan2(cosine, sine))
+            for k, (sine, cosine) in further
+        ),
+    )
 
 
 def _error(per_output: bool) -> Apply:
@@ -70,7 +71,7 @@ def _ripple(loaded: bool) -> Apply:
 
 
 def _starts(orders: tuple[float, ...]) -> Starts:
-    return lambda problem: tuple((order, phase) for order in orders for phase in _PHASES)
+    return lambda problem: tuple((order, phase) for order in orders for phase in _TURNED)
 
 
 def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStarts:
@@ -109,19 +110,22 @@ def _ripple_sizes(problem: Problem) -> tuple[float, float, float]:
 
 
 def _error_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    return {"amplitude": (0.0, 2.0 * problem.scales.wind_up)}
+    top = 2.0 * problem.scales.wind_up
+    return {"amplitude": (0.0, top), **dict.fromkeys(HARMONICS, (-top, top))}
 
 
 def _ripple_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    return {"amplitude": (0.0, 2.0 * (problem.scales.motor_torque or problem.scales.torque))}
+    top = 2.0 * (problem.scales.motor_torque or problem.scales.torque)
+    return {"amplitude": (0.0, top), **dict.fromkeys(HARMONICS, (-top, top))}
 
 
 _PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
-_MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True)
-_OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True)
+_MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fineness=0.03)
+_OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
 _WHOLE = (
     0.06  # from a whole number, what an order of the motor's own may be off: its field returns with every turn
 )
+HARMONICS = ("harmonic_sine", "harmonic_cosine", "third_sine", "third_cosine")  # as large as they are: amplitudes
 _LINES = ("transmission-error", "torque-ripple", "external-vibration")
 
 _PLAIN: tuple[EffectSpec, ...] = (
@@ -183,23 +187,28 @@ _PLAIN: tuple[EffectSpec, ...] = (
 )
 
 
-def _with_harmonic(spec: EffectSpec) -> EffectSpec:
-    """The law with its second harmonic: fitted from where the line alone was found, so one start is enough."""
-    shares = (ParameterSpec("harmonic_sine", "1", -1.0, 1.0), ParameterSpec("harmonic_cosine", "1", -1.0, 1.0))
+def _with_harmonics(spec: EffectSpec) -> EffectSpec:
+    """The law with its second and third harmonic: fitted from where the line alone was found, so one start is enough."""
+    amplitude = spec.parameters[0]
+    further = tuple(
+        replace(amplitude, name=name, lower=-amplitude.upper, null=None, fineness=0.1) for name in HARMONICS
+    )
     first = 1.0 if spec.variant != "output-order" else 2.0
     return replace(
         spec,
         variant=f"{spec.variant}-harmonic",
-        parameters=(*spec.parameters, *shares),
+        parameters=(*spec.parameters, *further),
+        proportional=tuple(range(3, 3 + len(HARMONICS))),
         law=spec.law.replace(
-            "a sin(order angle + phase)", "a (sin x + h_s sin 2x + h_c cos 2x), x = order angle + phase"
+            "a sin(order angle + phase)",
+            "a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x, x = order angle + phase",
         ),
-        starts=lambda problem: ((first, 0.0, 0.0, 0.0),),
+        starts=lambda problem: ((first, 0.0, *[0.0] * len(HARMONICS)),),
         residual_starts=None,
     )
 
 
 SPECS: tuple[EffectSpec, ...] = (
     *_PLAIN,
-    *(_with_harmonic(spec) for spec in _PLAIN if spec.variant != "load-proportional"),
+    *(_with_harmonics(spec) for spec in _PLAIN if spec.variant != "load-proportional"),
 )

@@ -2,7 +2,7 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
 
     T_f = T (1 +- asymmetry) tanh(w/w_e)                                Coulomb, rounded
     dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
-    T_f = [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)                   Stribeck, rounded
+    T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
 
 Each is the sharp law of ``friction`` with one parameter more.
@@ -59,13 +59,14 @@ def _steepest(assembly: Assembly, location: str, torque: float) -> float:
 
 
 def _rounded_stribeck(location: str) -> Apply:
-    at_torque, at_speed, at_excess, at_fall, _ = _ROUND_M if location == "motor" else _ROUND_L
+    at_torque, at_speed, at_excess, at_fall, at_sided = _ROUND_M if location == "motor" else _ROUND_L
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, breakaway, fall, rounding = values
+        torque, breakaway, fall, rounding = values[:4]
         steepest = _steepest(assembly, location, max(torque, breakaway))
         assembly.P[at_torque], assembly.P[at_speed] = torque, max(rounding, steepest)
         assembly.P[at_excess], assembly.P[at_fall] = excess(torque, breakaway), fall
+        assembly.P[at_sided] = values[4] if len(values) > 4 else 0.0
 
     return apply
 
@@ -192,10 +193,23 @@ def _rounded_stribeck_of(sharp: EffectSpec) -> EffectSpec:
     )
 
 
+def _sided(rounded: EffectSpec) -> EffectSpec:
+    """The same, unlike in the two directions; fitted from where the even one was found, so one start is enough."""
+    return replace(
+        rounded,
+        variant="rounded-asymmetric",
+        parameters=(*rounded.parameters, friction.ASYMMETRY),
+        law="(1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)",
+        starts=lambda problem: tuple((*start, 0.0) for start in rounded.starts(problem)[:1]),
+    )
+
+
 _PLAIN, _ASYMMETRIC, _GAUSSIAN = (
     tuple(spec for spec in (*friction.COULOMB, *friction.STRIBECK) if spec.variant == variant)
     for variant in ("plain", "asymmetric", "gaussian")
 )
+
+_ROUNDED = tuple(_rounded_stribeck_of(sharp) for sharp in _GAUSSIAN)
 
 COULOMB: tuple[EffectSpec, ...] = (
     *(_rounded_coulomb(sharp) for sharp in (*_PLAIN, *_ASYMMETRIC)),
@@ -203,5 +217,6 @@ COULOMB: tuple[EffectSpec, ...] = (
 )
 STRIBECK: tuple[EffectSpec, ...] = (
     *(_stribeck_on_bristles(sharp) for sharp in _GAUSSIAN),
-    *(_rounded_stribeck_of(sharp) for sharp in _GAUSSIAN),
+    *_ROUNDED,
+    *(_sided(rounded) for rounded in _ROUNDED),
 )

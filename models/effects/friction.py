@@ -45,9 +45,9 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
         excess = max(p["breakaway"] / torque - 1.0, 0.0)
         _bristles(building, location, torque, p["presliding"], excess, p["stribeck_velocity"])
         return ""
-    if variant == "rounded":
-        excess = max(p["breakaway"] / torque - 1.0, 0.0)
-        _creeping(building, location, torque, p["rounding"], excess, p["stribeck_velocity"], 0.0)
+    if variant.startswith("rounded"):
+        excess, sided = max(p["breakaway"] / torque - 1.0, 0.0), p.get("asymmetry", 0.0)
+        _creeping(building, location, torque, p["rounding"], excess, p["stribeck_velocity"], sided)
         return ""
     building.rub(location, torque)
     building.law(

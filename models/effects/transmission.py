@@ -84,7 +84,7 @@ def drift(building: Building, location: str, variant: str, p: Parameters) -> str
 
 
 def kinematic_error(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """Delta = q_s + a sin(order angle + phase) - q, or a (sin x + h_s sin 2x + h_c cos 2x)."""
+    """Delta = q_s + a sin(order angle + phase) - q, or a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x."""
     per_output = variant.startswith("output-order")
     for amplitude, order, phase in lines_of(p):
         building.law(
@@ -98,10 +98,11 @@ def kinematic_error(building: Building, location: str, variant: str, p: Paramete
 
 
 def lines_of(p: Parameters) -> list[tuple[float, float, float]]:
-    """(amplitude, order, phase) of an order and, where its shares are given, of its second harmonic."""
+    """(amplitude, order, phase) of an order and, where they are given, of its second and third harmonic."""
     lines = [(p["amplitude"], p["order"], p["phase"])]
-    sine, cosine = p.get("harmonic_sine", 0.0), p.get("harmonic_cosine", 0.0)
-    if sine or cosine:
-        second = 2.0 * p["phase"] + math.atan2(cosine, sine)
-        lines.append((p["amplitude"] * math.hypot(sine, cosine), 2.0 * p["order"], second))
+    for k, name in ((2, "harmonic"), (3, "third")):
+        sine, cosine = p.get(f"{name}_sine", 0.0), p.get(f"{name}_cosine", 0.0)
+        if sine or cosine:
+            phase = k * p["phase"] + math.atan2(cosine, sine)
+            lines.append((math.hypot(sine, cosine), k * p["order"], phase))
     return lines

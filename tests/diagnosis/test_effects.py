@@ -339,13 +339,15 @@ def test_every_pair_of_mechanical_effects_runs_together(problem, truth):
 
 
 def test_an_order_and_its_harmonic_are_the_sum_that_the_law_says():
-    """a (sin x + h_s sin 2x + h_c cos 2x), x = order angle + phase, line by line."""
-    a, order, phase, sine, cosine = 2.0, 3.0, 0.7, 0.3, -0.4
+    """a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x, x = order angle + phase, line by line."""
+    a, order, phase, sine, cosine, third_sine, third_cosine = 2.0, 3.0, 0.7, 0.3, -0.4, -0.2, 0.1
     angle = np.linspace(0.0, 5.0, 101)
     x = order * angle + phase
-    lines = harmonics((a, order, phase, sine, cosine))
+    lines = harmonics((a, order, phase, sine, cosine, third_sine, third_cosine))
     total = sum(b * np.sin(k_ * angle + p) for b, k_, p in lines)
-    np.testing.assert_allclose(total, a * (np.sin(x) + sine * np.sin(2 * x) + cosine * np.cos(2 * x)), atol=1e-12)
+    second = sine * np.sin(2 * x) + cosine * np.cos(2 * x)
+    third = third_sine * np.sin(3 * x) + third_cosine * np.cos(3 * x)
+    np.testing.assert_allclose(total, a * np.sin(x) + second + third, atol=1e-12)
     assert harmonics((a, order, phase)) == ((a, order, phase),)
 
 
