@@ -26,6 +26,7 @@ from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.per_run import labelling_cost
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.twins import twins
 from jointscope.diagnosis.vibration import resonance
 
 if TYPE_CHECKING:
@@ -129,6 +130,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
             break
     leading = sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
     everything[0] = _from_elsewhere(objective, everything[0], leading)
+    everything.extend(twins(objective, everything))
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
     judged = tuple(evidence(h, objective, held) for h in everything)

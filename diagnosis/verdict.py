@@ -17,6 +17,7 @@ from jointscope.diagnosis.gates import OF_PARENT, Comparison
 from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
+from jointscope.diagnosis.twins import foreknown
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 WRONG_FORM = 0.01  # or this share of the best score, between laws neither of which is nearer the data than ...
@@ -117,7 +118,8 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
             heat = TEMPERATURE
         else:
             heat = temperature(top)
-        found.append(-lead / heat + SPARING[min(len(judged.names), 3)])
+        modes = foreknown(judged.fit.coordinates.unpack(judged.fit.x)[1])
+        found.append(-lead / heat + SPARING[min(len(judged.names), 3)] + modes)
     return found
 
 

@@ -63,15 +63,16 @@ _TRANSLATIONAL = (("kg m^2", "kg"), ("N m", "N"), ("rad", "m"))
 
 def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
     """``REGISTRY`` with the bounds and units of the rig at hand."""
-    return tuple(_fitted(spec, problem) for spec in REGISTRY)
+    return tuple(at_rig(spec, problem) for spec in REGISTRY)
 
 
 def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Problem) -> EffectSpec:
     """``PAYLOAD`` or ``DRIFT_PER_RUN`` for given runs: the amplitude's factor in each, in the order of problem.runs."""
-    return replace(_fitted(spec, problem), run_weights=weights)
+    return replace(at_rig(spec, problem), run_weights=weights)
 
 
-def _fitted(spec: EffectSpec, problem: Problem) -> EffectSpec:
+def at_rig(spec: EffectSpec, problem: Problem) -> EffectSpec:
+    """The law with the bounds and units of the rig at hand."""
     limits = spec.limits(problem)
     parameters = []
     for parameter in spec.parameters:

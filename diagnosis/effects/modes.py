@@ -50,7 +50,8 @@ def _two_states(assembly: Assembly, switch: int) -> None:
 
 def _link(assembly: Assembly, values: Values, weight: float) -> None:
     P = assembly.P
-    frequency, inertia, damping, hit = values[:4]
+    frequency, inertia, damping = values[:3]
+    hit = values[3] if len(values) > 3 else 0.0
     sensed = values[4] if len(values) > 4 else hit
     inertia = min(max(inertia, 1e-12 * P[kernel.J_L]), 0.95 * P[kernel.J_L])
     share = math.sqrt(inertia / P[kernel.J_L])
@@ -243,7 +244,24 @@ _LEVERED: tuple[tuple[tuple[str, Location], str, ParameterSpec, str, Apply, floa
     ),
 )
 
+INBOARD = EffectSpec(
+    name="link-flexibility",
+    location="load",
+    variant="inboard",
+    family="mode",
+    parameters=(_FREQUENCY, _INERTIA, _ZETA),
+    law="an outer part of the arm on its own spring; hammer and sensor are inboard of the bend",
+    revealed_by=("hammer", "torque-sweep"),
+    look_alikes=_MODES[1:],
+    apply=_link,
+    scale=_inertia_sizes,
+    starts=lambda problem: (),  # it moves as a neighbour beyond the sensors does, and is fitted as that
+    possible=_anything,
+    limits=_limits,
+)
+
 SPECS: tuple[EffectSpec, ...] = (
+    INBOARD,
     EffectSpec(
         name="link-flexibility",
         location="load",
