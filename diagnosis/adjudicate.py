@@ -122,8 +122,11 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
         objective, noise, _ = rewhiten(objective, best.fit, noise, MAX_ORDER)
         everything = [_viewed(objective, h) for h in everything]
         leading = sorted(everything[1:], key=lambda h: h.loss)[:POLISHED]
-        parts = [h for h in everything if any(set(h.names) < set(lead.names) for lead in leading)]
-        again = {id(h) for h in (everything[0], *leading, *parts)}
+        parts: dict[tuple[str, ...], Hypothesis] = {}
+        for h in sorted(everything, key=lambda h: h.loss):
+            if any(set(h.names) < set(lead.names) for lead in leading):
+                parts.setdefault(h.names, h)
+        again = {id(h) for h in (everything[0], *leading, *parts.values())}
         everything = [_polished(objective, h) if id(h) in again else h for h in everything]
         before, best = best, min(everything, key=lambda h: h.loss)
         if best.names == before.names:

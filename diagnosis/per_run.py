@@ -56,13 +56,19 @@ def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
     return step, error
 
 
+def telling(errors: Vector) -> NDArray[np.bool_]:
+    """Runs that say about as much as the others, shape of ``errors``."""
+    known = np.isfinite(errors)
+    return known & (errors <= TELLING * np.quantile(errors[known], 0.25)) if known.any() else known
+
+
 def two_groups(values: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     """Members of the upper group where the runs part in two beyond doubt, shape of ``values``; else ``None``.
 
     The cut of the sorted values that leaves least weighted scatter within (2-means in one dimension). A single normal
     population cut so has its halves 2.7 scatters apart, a uniform one 3.5.
     """
-    known = np.isfinite(errors)
+    known = telling(errors)
     if known.sum() < FEWEST:
         return None
     v, e = values[known], errors[known]
@@ -102,9 +108,7 @@ def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
             found.append(with_run_weights(PAYLOAD, tuple(float(m) for m in members), problem))
     if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
         stiffness, error = run_steps(stage, "stiffness")
-        known = np.isfinite(error)
-        if known.any():
-            known &= error <= TELLING * np.quantile(error[known], 0.25)
+        known = telling(error)
         if known.sum() >= FEWEST and np.std(stiffness[known]) > SPREAD * np.median(error[known]):
             ranks = np.zeros(len(stiffness))
             ranks[known] = np.argsort(np.argsort(stiffness[known])) - 0.5 * (known.sum() - 1)

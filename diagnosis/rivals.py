@@ -82,7 +82,13 @@ def rivals(
             trials = [c for c in trials if names_of((*place.kept, c.spec)) not in done]
             if not trials:
                 continue
-            trials.extend(_same_numbers(trials, place.effect))
+            alike = _same_numbers(trials, place.effect)
+            same_turn = [
+                a
+                for a in alike
+                if place.spec.family == a.spec.family == "periodic" and _turn(a) == _turn(place.effect)
+            ]
+            trials = same_turn or [*trials, *alike]  # of a line the order is known
             active = _telling(objective, without(objective, leader.fit, place.position), trials)
             done.add(names_of((*place.kept, active.spec)))
             found.extend(_in_place(objective, base, place, active, effort))
@@ -173,6 +179,11 @@ def _places(leader: Hypothesis) -> Iterator[_Place]:
         yield _Place(position, spec, effect, kept, others, theta)
 
 
+def _turn(active: ActiveEffect) -> str:
+    """Of what a line's order counts the turns."""
+    return next((p.unit for p in active.spec.parameters if p.name == "order"), "")
+
+
 def _in_place(
     objective: Objective, base: Fit, place: _Place, active: ActiveEffect, effort: Effort
 ) -> list[Hypothesis]:
@@ -183,13 +194,14 @@ def _in_place(
 
 def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
     """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
-    known = {"asymmetry": 0.0, **dict(zip((p.name for p in leader.spec.parameters), leader.values, strict=True))}
+    known = {("asymmetry", "1"): 0.0}
+    known.update(((p.name, p.unit), v) for p, v in zip(leader.spec.parameters, leader.values, strict=True))
     found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
-        names = [p.name for p in trial.spec.parameters]
-        if any(name in known for name in names):
-            values = tuple(known.get(name, value) for name, value in zip(names, trial.values, strict=True))
-            ways = tuple(v for name, v in zip(names, trial.values, strict=True) if name == "direction")
+        keys = [(p.name, p.unit) for p in trial.spec.parameters]
+        if any(key in known for key in keys):
+            values = tuple(known.get(key, value) for key, value in zip(keys, trial.values, strict=True))
+            ways = tuple(v for (name, _), v in zip(keys, trial.values, strict=True) if name == "direction")
             found.setdefault((id(trial.spec), ways), ActiveEffect(trial.spec, values))
             if trial.spec.family == "periodic" and trial.spec.name != leader.spec.name:
                 for turn in PHASES:  # an angle's phase is not that of a torque with the same response

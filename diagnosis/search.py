@@ -64,7 +64,7 @@ class Effort:
     screen_others: int = 1
     hits: int = 5
     others: int = 2
-    singles: int = 9
+    singles: int = 12
     refine: int = 24
     beam: int = 2
     children: int = 2

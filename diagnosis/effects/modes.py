@@ -209,7 +209,7 @@ def _share_sizes(problem: Problem) -> tuple[float, float, float]:
 
 
 _FREQUENCY = ParameterSpec("frequency", "Hz", 0.5, 5e3, log=True)
-_ZETA = ParameterSpec("damping", "1", 5e-4, 0.5, log=True)
+_ZETA = ParameterSpec("damping", "1", 5e-4, 0.2, log=True)  # more is no mode
 _INERTIA = ParameterSpec("inertia", "kg m^2", 0.0, 1e9, null=0.0)
 _MODES = ("link-flexibility", "base-compliance", "neighbour-flexibility", "sensor-resonance")
 
@@ -255,13 +255,14 @@ INBOARD = EffectSpec(
     look_alikes=_MODES[1:],
     apply=_link,
     scale=_inertia_sizes,
-    starts=lambda problem: (),  # it moves as a neighbour beyond the sensors does, and is fitted as that
+    starts=lambda problem: (
+        (3.0 * _band(problem, 1.0, 1.0)[0], _DAMPING),
+    ),  # fitted as the neighbour that moves alike
     possible=_anything,
     limits=_limits,
 )
 
 SPECS: tuple[EffectSpec, ...] = (
-    INBOARD,
     EffectSpec(
         name="link-flexibility",
         location="load",
@@ -339,4 +340,5 @@ SPECS: tuple[EffectSpec, ...] = (
         )
         for (name, location), variant, lever, law, apply, share, possible in _LEVERED
     ),
+    INBOARD,
 )
