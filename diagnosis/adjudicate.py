@@ -9,6 +9,7 @@ hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stan
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
+from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.echo import echoes
 from jointscope.diagnosis.energies import Energies, Kind, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import Comparison
@@ -133,6 +135,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
             break
     leading = sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
     everything[0] = _from_elsewhere(objective, everything[0], leading)
+    everything.extend(_parts_of(objective, min(everything, key=lambda h: h.loss)))
     everything.extend(twins(objective, everything))
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
@@ -178,6 +181,24 @@ def _from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hy
     if best is base.fit:
         return base
     return _polished(objective, replace(base, fit=best))
+
+
+def _parts_of(objective: Objective, leader: Hypothesis) -> list[Hypothesis]:
+    """Every smaller set of the leading one's effects, refitted from its numbers.
+
+    No effect may stand on having shown its companions the way to their better optimum.
+    """
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    found = []
+    for size in range(1, len(effects)):
+        for kept in itertools.combinations(effects, size):
+            where = coordinates(objective.problem, tuple(e.spec for e in kept))
+            fit = least_squares(
+                objective, where, where.pack(theta, kept), iterations=8, tolerance=1e-3, simulations=POLISHING
+            )
+            part = Hypothesis(where.effects, fit, 0.0)
+            found.append(replace(part, loss=0.5 * fit.chi2 + _occam(part, len(fit.w))))
+    return found
 
 
 def _occam(hypothesis: Hypothesis, samples: int) -> float:
