@@ -34,4 +34,6 @@ def sampled(signal: Real, rate: float, times: Real) -> Real:
     places = np.clip(times, 0.0, (limited.size - 1) / RATE) * RATE
     if np.allclose(places, np.round(places), atol=1e-6):
         return np.asarray(limited[np.round(places).astype(int)])
+    if not np.all(np.isfinite(limited)):
+        raise FloatingPointError("a sampled signal flew apart")
     return np.asarray(CubicSpline(np.arange(limited.size), limited)(places))

@@ -253,3 +253,11 @@ def test_nothing_is_imported_from_who_explains_or_from_the_other_engine():
                "jointscope.atomic", "jointscope.errors", "jointscope.progress")  # fmt: skip
     assert all(name.startswith(allowed) for name in own), own
     assert not any(name.split(".")[0] in ("mujoco", "pinocchio") for name in found)
+
+
+def test_a_signal_that_flew_apart_is_told_as_such():
+    """Between samples nothing can be read of it; production then draws the case anew."""
+    signal = np.zeros(4000)
+    signal[2000:] = np.nan
+    with pytest.raises(FloatingPointError, match="flew apart"):
+        sampled(signal, 1000.0, np.arange(10) / 1000.0 + 1.3e-4)
