@@ -118,7 +118,7 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
             heat = TEMPERATURE
         else:
             heat = temperature(top)
-        modes = foreknown(judged.fit.coordinates.unpack(judged.fit.x)[1])
+        modes = foreknown(judged.fit.coordinates.unpack(judged.fit.x)[1]) if judged.names else 0.0
         found.append(-lead / heat + SPARING[min(len(judged.names), 3)] + modes)
     return found
 

@@ -135,7 +135,9 @@ def stand_in(name, variant, chi2=0.0, w=()):
     """As much of a judged hypothesis as telling two apart looks at."""
     spec = SimpleNamespace(name=name.partition("@")[0], location=name.partition("@")[2], variant=variant)
     return SimpleNamespace(
-        names=(name,), hypothesis=SimpleNamespace(specs=(spec,)), chi2=chi2, fit=SimpleNamespace(w=np.array(w)),
+        names=(name,), hypothesis=SimpleNamespace(specs=(spec,)), chi2=chi2, fit=SimpleNamespace(
+            w=np.array(w), x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, ()))
+        ),
         left_held=(),
     )  # fmt: skip
 
