@@ -9,30 +9,24 @@ hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stan
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
-from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.echo import echoes
 from jointscope.diagnosis.energies import Energies, Kind, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
-from jointscope.diagnosis.per_run import labelling_cost
-from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.polish import from_elsewhere, occam, parts_of, polished, viewed
+from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.twins import twins
 from jointscope.diagnosis.vibration import resonance
-
-if TYPE_CHECKING:
-    from jointscope.diagnosis.coordinates import Coordinates
 
 Vector = NDArray[np.float64]
 REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
@@ -43,9 +37,7 @@ REAL_PICKED = 60.0  # of an order that was picked out of all orders
 REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
-LIGHTLY = 0.1  # of the stated damping, another start
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
-POLISHING = 40  # simulations of all runs that a refit may take
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
@@ -122,89 +114,26 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     best = min(everything[1:], key=lambda h: h.loss, default=everything[0])
     for _ in range(2):
         objective, noise, _ = rewhiten(objective, best.fit, noise, MAX_ORDER)
-        everything = [_viewed(objective, h) for h in everything]
+        everything = [viewed(objective, h) for h in everything]
         leading = sorted(everything[1:], key=lambda h: h.loss)[:POLISHED]
         parts: dict[tuple[str, ...], Hypothesis] = {}
         for h in sorted(everything, key=lambda h: h.loss):
             if any(set(h.names) < set(lead.names) for lead in leading):
                 parts.setdefault(h.names, h)
         again = {id(h) for h in (everything[0], *leading, *parts.values())}
-        everything = [_polished(objective, h) if id(h) in again else h for h in everything]
+        everything = [polished(objective, h) if id(h) in again else h for h in everything]
         before, best = best, min(everything, key=lambda h: h.loss)
         if best.names == before.names:
             break
     leading = sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
-    everything[0] = _from_elsewhere(objective, everything[0], leading)
-    everything.extend(_parts_of(objective, min(everything, key=lambda h: h.loss)))
-    everything.extend(twins(objective, everything))
+    everything[0] = from_elsewhere(objective, everything[0], leading)
+    everything.extend(parts_of(objective, min(everything, key=lambda h: h.loss)))
+    everything.extend(twins(objective.problem, everything))
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
     judged = tuple(evidence(h, objective, held) for h in everything)
     whole = replace(objective, runs=(*objective.runs, *held_runs), whiteners=())
     return Judgement(judged, objective, held, noise, echoes(whole, *best.fit.coordinates.unpack(best.fit.x)))
-
-
-def _viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
-    w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
-    fit = replace(hypothesis.fit, w=w, fresh=False)
-    return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + _occam(hypothesis, len(w)))
-
-
-def _polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
-    fit = least_squares(
-        objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=8, simulations=POLISHING
-    )
-    return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + _occam(hypothesis, len(fit.w)))
-
-
-def _stated(objective: Objective, where: Coordinates) -> tuple[Vector, Vector]:
-    """The base parameters as the campaign states them, and the same hardly damped."""
-    ringing = where.start.copy()
-    ringing[[name.startswith("damping") for name in objective.problem.base.names]] *= LIGHTLY
-    return where.start, ringing
-
-
-def _from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hypothesis]) -> Hypothesis:
-    """The base refitted also from where the campaign and the leading hypotheses have its parameters.
-
-    No effect may stand on having found the base's own better optimum.
-    """
-    where = base.fit.coordinates
-    found = [base.fit]
-    starts = [h.fit.coordinates.unpack(h.fit.x)[0] for h in leading]
-    if all(run.mode != "braked" for run in objective.prepared):  # hits leave one optimum, motions several
-        starts.extend(_stated(objective, where))
-    for start in starts:
-        fit = least_squares(objective, where, where.pack(start, ()), iterations=5, tolerance=1e-2, simulations=30)
-        found.append(fit)
-    best = min(found, key=lambda fit: fit.chi2)
-    if best is base.fit:
-        return base
-    return _polished(objective, replace(base, fit=best))
-
-
-def _parts_of(objective: Objective, leader: Hypothesis) -> list[Hypothesis]:
-    """Every smaller set of the leading one's effects, refitted from its numbers.
-
-    No effect may stand on having shown its companions the way to their better optimum.
-    """
-    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
-    found = []
-    for size in range(1, len(effects)):
-        for kept in itertools.combinations(effects, size):
-            where = coordinates(objective.problem, tuple(e.spec for e in kept))
-            fit = least_squares(
-                objective, where, where.pack(theta, kept), iterations=8, tolerance=1e-3, simulations=POLISHING
-            )
-            part = Hypothesis(where.effects, fit, 0.0)
-            found.append(replace(part, loss=0.5 * fit.chi2 + _occam(part, len(fit.w))))
-    return found
-
-
-def _occam(hypothesis: Hypothesis, samples: int) -> float:
-    where = hypothesis.fit.coordinates
-    chosen_runs = sum(labelling_cost(spec) for spec in where.effects)
-    return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2)) + chosen_runs
 
 
 def profiled(hypothesis: Hypothesis) -> int:
@@ -225,7 +154,7 @@ def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> J
         fitted,
         _energy(left_held),
         left_held,
-        _occam(hypothesis, samples) + PROFILED * len(objective.runs) * profiled(hypothesis),
+        occam(hypothesis, samples) + PROFILED * len(objective.runs) * profiled(hypothesis),
         PROFILED * len(held.runs) * profiled(hypothesis),
         energies,
         predictions,

@@ -18,6 +18,7 @@ from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
 from jointscope.diagnosis.remainder import remainder_json
+from jointscope.diagnosis.twins import told_by_frequency
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.pipeline import Diagnosis
@@ -197,7 +198,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         if held_out is None:
             text = "A candidate only, since nothing could be held out. " + text
         for effect in effects:
-            effect["evidence"] = text
+            effect["evidence"] = text + told_by_frequency(effect["law"])
     answer: dict[str, Any] = {
         "format": FORMAT,
         "verdict": decision.verdict,

@@ -84,7 +84,14 @@ def _effect(entry: Mapping[str, Any], problem: Problem) -> ActiveEffect:
     name, location, variant = entry["effect"], entry["location"], entry.get("variant", "")
     for spec in (*REGISTRY, *LATENT, PAYLOAD, DRIFT_PER_RUN):
         if (spec.name, spec.location, spec.variant) == (name, location, variant):
-            values = tuple(float(entry["parameters"][p.name]) for p in spec.parameters)
+            stated = entry["parameters"]
+            missing = [p.name for p in spec.parameters if p.name not in stated]
+            if missing:
+                raise RefusedError(
+                    f"model.json: effect {name!r} at {location!r}: parameters.{missing[0]} is missing; "
+                    "diagnose the campaign again"
+                )
+            values = tuple(float(stated[p.name]) for p in spec.parameters)
             if spec.name == LATENT[0].name:
                 values = _on_these_nodes(values, entry["range"], node_range(problem, spec.location, spec.variant))
             if spec in (PAYLOAD, DRIFT_PER_RUN):  # a run that the file does not name is as the base has it

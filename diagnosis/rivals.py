@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
-from jointscope.diagnosis.effects.periodic import HARMONICS
+from jointscope.diagnosis.effects.periodic import PHASES, slower_lines
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -38,9 +38,6 @@ Vector = NDArray[np.float64]
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
 )
-WHOLE = 0.06  # from a whole number, what an order may be off
-WHOLE_FROM = 0.9
-PHASES = tuple(k * math.pi / 3.0 for k in range(-2, 4))
 _CARRIERS = ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned")
 FREER = {  # by variant, the laws of more parameters that start where it was found
     "turning-mount": _CARRIERS,
@@ -83,12 +80,8 @@ def rivals(
             if not trials:
                 continue
             alike = _same_numbers(trials, place.effect)
-            same_turn = [
-                a
-                for a in alike
-                if place.spec.family == a.spec.family == "periodic" and _turn(a) == _turn(place.effect)
-            ]
-            trials = same_turn or [*trials, *alike]  # of a line the order is known
+            lines = [a for a in alike if _turn(a) and _turn(a) == _turn(place.effect)]
+            trials = lines or [*trials, *alike]  # of a line the order is known
             active = _telling(objective, without(objective, leader.fit, place.position), trials)
             done.add(names_of((*place.kept, active.spec)))
             found.extend(_in_place(objective, base, place, active, effort))
@@ -180,7 +173,7 @@ def _places(leader: Hypothesis) -> Iterator[_Place]:
 
 
 def _turn(active: ActiveEffect) -> str:
-    """Of what a line's order counts the turns."""
+    """Of what a line's order counts the turns; empty for what is no line."""
     return next((p.unit for p in active.spec.parameters if p.name == "order"), "")
 
 
@@ -214,30 +207,16 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
     """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
     wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
-    for active in _same_numbers(wider, leader):
+    alike = _same_numbers(wider, leader)
+    for active in alike:
         groups.setdefault(id(active.spec), []).append(active)
-    slower = [slower_lines(active, k) for active in _same_numbers(wider, leader) for k in (2, 3)]
+    slower = [
+        [ActiveEffect(active.spec, values) for values in slower_lines(active.values, k)]
+        for active in alike
+        if active.spec.variant.endswith("-harmonic")
+        for k in (2, 3)
+    ]
     return [*groups.values(), *(trials for trials in slower if trials)]
-
-
-def slower_lines(active: ActiveEffect, k: int) -> list[ActiveEffect]:
-    """An order's line as the ``k``-th harmonic of one that makes a whole number of periods in a turn, as strong as it.
-
-    Whichever harmonic meets the joint's resonance is the loudest.
-    """
-    names = [p.name for p in active.spec.parameters]
-    if HARMONICS[0] not in names:
-        return []
-    amplitude, order, phase = active.values[:3]
-    if order / k < WHOLE_FROM or abs(order / k - round(order / k)) > WHOLE / k:
-        return []
-    found = []
-    for turn in PHASES:
-        values = [amplitude, order / k, turn, *[0.0] * len(HARMONICS)]
-        ahead = phase - k * turn
-        values[2 * k - 1 : 2 * k + 1] = amplitude * math.cos(ahead), amplitude * math.sin(ahead)
-        found.append(ActiveEffect(active.spec, tuple(values)))
-    return found
 
 
 def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:

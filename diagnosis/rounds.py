@@ -153,7 +153,7 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
         if not found:
             break
         arena = settled(arena, found, effort)
-        if all(a is b for a, b in zip(arena.hypotheses[0].specs, leader.specs, strict=False)):
+        if arena.hypotheses[0].specs == leader.specs:
             break
     return arena
 

@@ -6,7 +6,6 @@ nearly nothing where that ends above the parent, so a child is never worse than 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -163,7 +162,7 @@ def fit_child(
             tolerance=3e-3,
             simulations=effort.fit_simulations,
         )
-        if fit.chi2 < min(parent.chi2, math.inf if best is None else best.chi2):
+        if fit.chi2 < (parent if best is None else best).chi2:
             best = fit
         if best is not None and (i < len(starts) - 1 or not other_bases):
             break  # from nearly nothing, where other effects and bases were at hand, is no more than a second best

@@ -19,51 +19,57 @@ from jointscope.diagnosis.search import Hypothesis, names_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
-    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.refit import Fit
 
 BETWEEN = 60.0  # Hz, below which a neighbour or a mount is the likelier, above which the arm
 STEEPNESS = 6.0  # nats per factor e in frequency: three to one at 72 and at 50 Hz
 MOST = 4.0  # nats: nothing that is known beforehand is surer
-ARM, AROUND = ("link-flexibility",), ("neighbour-flexibility", "base-compliance")
+OWNERS = {"link-flexibility": 0.5, "neighbour-flexibility": -0.5, "base-compliance": -0.5}  # share of the nats
+BEYOND = "absorber"  # the neighbour's law
+TOLD = (
+    " An outer part of the arm and a neighbour beyond it would move alike in these recordings; "
+    "the mode's frequency alone says which of the two is the likelier."
+)
 
 
-def twins(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+def twins(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """The same fits under the arm's name, of every hypothesis that has a neighbour beyond the sensors."""
+    inboard = at_rig(INBOARD, problem)
     found = []
-    inboard = at_rig(INBOARD, objective.problem)
     for hypothesis in hypotheses:
-        theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
-        specs = tuple(inboard if s.variant == "absorber" else s for s in hypothesis.specs)
-        if specs == hypothesis.specs or len(names_of(specs)) < len(specs):
+        place = next((k for k, spec in enumerate(hypothesis.specs) if spec.variant == BEYOND), None)
+        if place is None:
             continue
-        named = tuple(
-            _as_the_arm(effect, inboard, float(theta[BASE_INDEX["load_inertia"]])) if spec is inboard else effect
-            for spec, effect in zip(specs, effects, strict=True)
-        )
-        where = coordinates(objective.problem, specs)
-        x = where.pack(theta, named)
-        w = objective.residual(x, where)
-        fit = replace(
-            hypothesis.fit, coordinates=where, x=x, w=w,
-            jacobian=objective.columns(x, where, w, range(where.n)), fresh=True,
-        )  # fmt: skip
-        found.append(replace(hypothesis, specs=specs, fit=fit))
+        specs = (*hypothesis.specs[:place], inboard, *hypothesis.specs[place + 1 :])
+        if len(names_of(specs)) == len(specs):
+            found.append(replace(hypothesis, specs=specs, fit=_renamed(problem, hypothesis.fit, specs, place)))
     return found
 
 
-def _as_the_arm(effect: ActiveEffect, inboard: EffectSpec, inertia: float) -> ActiveEffect:
-    frequency, share, damping = effect.values
-    return ActiveEffect(inboard, (frequency, share * inertia, damping))
+def _renamed(problem: Problem, fit: Fit, specs: tuple[EffectSpec, ...], place: int) -> Fit:
+    """The fit in the arm's parameters: inertia J_p = share J_L for the share, so dw/dJ_L at a fixed J_p differs."""
+    before, after = fit.coordinates, coordinates(problem, specs)
+    theta, effects = before.unpack(fit.x)
+    frequency, share, damping = effects[place].values
+    inertia = float(theta[BASE_INDEX["load_inertia"]])
+    arm = ActiveEffect(specs[place], (frequency, share * inertia, damping))
+    x = after.pack(theta, (*effects[:place], arm, *effects[place + 1 :]))
+    physical = fit.jacobian / before.per_unit(fit.x)
+    at_share = before.effect_slices()[place].start + 1
+    for column, position in enumerate(before.free):
+        if position == BASE_INDEX["load_inertia"]:
+            physical[:, column] -= physical[:, at_share] * share / inertia
+    physical[:, at_share] /= inertia
+    return replace(fit, coordinates=after, x=x, jacobian=physical * after.per_unit(x))
 
 
 def foreknown(effects: Sequence[ActiveEffect]) -> float:
-    """Nats of belief in these modes' owners that their frequencies give by themselves."""
-    nats = 0.0
-    for effect in effects:
-        above = max(-MOST, min(MOST, STEEPNESS * math.log(effect.values[0] / BETWEEN))) if _owned(effect) else 0.0
-        nats += 0.5 * above if effect.spec.name in ARM else -0.5 * above
-    return nats
+    """Nats of belief in these modes' owners that their frequencies, the first parameter, give by themselves."""
+    owned = [(OWNERS[e.spec.name], e.values[0]) for e in effects if e.spec.name in OWNERS]
+    return sum(share * max(-MOST, min(MOST, STEEPNESS * math.log(hz / BETWEEN))) for share, hz in owned)
 
 
-def _owned(effect: ActiveEffect) -> bool:
-    return effect.spec.name in (*ARM, *AROUND) and effect.spec.parameters[0].name == "frequency"
+def told_by_frequency(law: str) -> str:
+    """The sentence that a law of two owners owes its reader; empty for any other."""
+    return TOLD if law in (BEYOND, INBOARD.variant) else ""

@@ -255,9 +255,8 @@ INBOARD = EffectSpec(
     look_alikes=_MODES[1:],
     apply=_link,
     scale=_inertia_sizes,
-    starts=lambda problem: (
-        (3.0 * _band(problem, 1.0, 1.0)[0], _DAMPING),
-    ),  # fitted as the neighbour that moves alike
+    # the neighbour that moves alike is searched for, and lends its numbers (``twins``); so one start is enough
+    starts=lambda problem: ((3.0 * _band(problem, 1.0, 1.0)[0], _DAMPING),),
     possible=_anything,
     limits=_limits,
 )

@@ -51,6 +51,23 @@ def harmonics(values: Values) -> tuple[tuple[float, float, float], ...]:
     )
 
 
+def slower_lines(values: Values, k: int) -> tuple[Values, ...]:
+    """Lines of which ``values`` is the ``k``-th harmonic and as strong, where they make whole periods in a turn.
+
+    Whichever harmonic meets the joint's resonance is the loudest.
+    """
+    amplitude, order, phase = values[:3]
+    if round(order / k) < 1 or abs(order - k * round(order / k)) > WHOLE:
+        return ()
+    found = []
+    for turn in PHASES:
+        slower = [amplitude, order / k, turn, *[0.0] * len(HARMONICS)]
+        ahead = phase - k * turn
+        slower[2 * k - 1 : 2 * k + 1] = amplitude * math.cos(ahead), amplitude * math.sin(ahead)
+        found.append(tuple(slower))
+    return tuple(found)
+
+
 def _error(per_output: bool) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         for amplitude, order, phase in harmonics(values):
@@ -83,7 +100,7 @@ def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStar
 
 
 def _of_the_motor(values: Values) -> bool:
-    return abs(values[1] - round(values[1])) < _WHOLE
+    return abs(values[1] - round(values[1])) < WHOLE
 
 
 def _possible(spring: bool, per_output: bool) -> Possible:
@@ -122,10 +139,9 @@ def _ripple_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 _PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
 _MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fineness=0.03)
 _OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
-_WHOLE = (
-    0.06  # from a whole number, what an order of the motor's own may be off: its field returns with every turn
-)
-HARMONICS = ("harmonic_sine", "harmonic_cosine", "third_sine", "third_cosine")  # as large as they are: amplitudes
+WHOLE = 0.06  # from a whole number, what an order may be off: the motor's own field returns with every turn
+HARMONICS = ("second_sine", "second_cosine", "third_sine", "third_cosine")  # amplitudes of their own
+PHASES = tuple(k * math.pi / 3.0 for k in range(-2, 4))  # of a line whose order is known and whose phase is not
 _LINES = ("transmission-error", "torque-ripple", "external-vibration")
 
 _PLAIN: tuple[EffectSpec, ...] = (

@@ -100,7 +100,7 @@ def kinematic_error(building: Building, location: str, variant: str, p: Paramete
 def lines_of(p: Parameters) -> list[tuple[float, float, float]]:
     """(amplitude, order, phase) of an order and, where they are given, of its second and third harmonic."""
     lines = [(p["amplitude"], p["order"], p["phase"])]
-    for k, name in ((2, "harmonic"), (3, "third")):
+    for k, name in ((2, "second"), (3, "third")):
         sine, cosine = p.get(f"{name}_sine", 0.0), p.get(f"{name}_cosine", 0.0)
         if sine or cosine:
             phase = k * p["phase"] + math.atan2(cosine, sine)

@@ -1,19 +1,22 @@
 """What is tried next to a leading set: slower lines, the same mode under another name, runs sorted in two."""
 
 import math
-from types import SimpleNamespace
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, at_rig, catalogue
 from jointscope.diagnosis.effects.modes import INBOARD
-from jointscope.diagnosis.effects.periodic import harmonics
+from jointscope.diagnosis.effects.periodic import harmonics, slower_lines
+from jointscope.diagnosis.noise import white
+from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import two_groups
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.rivals import slower_lines
+from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
-from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, twins
+from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
 
 
 def law(problem, name, variant, location=None):
@@ -24,25 +27,21 @@ def law(problem, name, variant, location=None):
 
 
 @pytest.mark.parametrize(("k", "order"), [(2, 2.0), (3, 3.03), (3, 6.0)])
-def test_a_line_is_a_harmonic_of_a_slower_one(problem, k, order):
+def test_a_line_is_a_harmonic_of_a_slower_one(k, order):
     """Of each slower line the k-th harmonic is the line itself, at every angle."""
-    spec = law(problem, "transmission-error", "motor-order-harmonic")
-    line = ActiveEffect(spec, (1e-5, order, 0.7, 0.0, 0.0, 0.0, 0.0))
     angle = np.linspace(0.0, 12.0, 301)
-    found = slower_lines(line, k)
+    found = slower_lines((1e-5, order, 0.7, 0.0, 0.0, 0.0, 0.0), k)
     assert found
     for slower in found:
-        first, *further = harmonics(slower.values)
+        first, *further = harmonics(slower)
         assert first[:2] == pytest.approx((1e-5, order / k))
         total = sum(a * np.sin(n * angle + p) for a, n, p in further)
         np.testing.assert_allclose(total, 1e-5 * np.sin(order * angle + 0.7), atol=1e-12)
 
 
 @pytest.mark.parametrize(("k", "order"), [(2, 3.0), (3, 2.0), (2, 1.0)])
-def test_no_line_makes_part_of_a_period_in_a_turn(problem, k, order):
-    spec = law(problem, "transmission-error", "motor-order-harmonic")
-    assert slower_lines(ActiveEffect(spec, (1e-5, order, 0.7, 0.0, 0.0, 0.0, 0.0)), k) == []
-    assert slower_lines(ActiveEffect(law(problem, "torque-ripple", "cogging"), (2.0, 4.0, 0.7)), 2) == []
+def test_no_line_makes_part_of_a_period_in_a_turn(k, order):
+    assert slower_lines((1e-5, order, 0.7, 0.0, 0.0, 0.0, 0.0), k) == ()
 
 
 def test_a_mode_beyond_the_sensors_moves_alike_under_both_names(problem, truth):
@@ -71,20 +70,48 @@ def test_its_frequency_says_whose_it_is(problem):
     assert foreknown((ActiveEffect(law(problem, "backlash", "free-flight"), (1e-4,)),)) == 0.0
 
 
-def test_only_modes_that_neither_hammer_nor_sensor_rides_on_have_twins(problem, truth):
-    hypotheses = []
-    for name, variant, values in (
-        ("neighbour-flexibility", "absorber", (90.0, 0.1, 0.02)),
-        ("base-compliance", "turning-mount", (40.0, 0.1, 0.02)),
-        ("quadratic-damping", "drag", (1.0,)),
-    ):
-        spec = law(problem, name, variant)
-        where = SimpleNamespace(unpack=lambda x, spec=spec, values=values: (truth, (ActiveEffect(spec, values),)))
-        hypotheses.append(Hypothesis((spec,), SimpleNamespace(coordinates=where, x=None), 0.0))
-    objective = SimpleNamespace(problem=problem)
-    assert twins(objective, hypotheses[1:]) == []
-    with pytest.raises(AttributeError):  # the first is simulated anew, which this objective can't
-        twins(objective, hypotheses)
+@pytest.fixture
+def fitted(problem, truth):
+    """The maker of a hypothesis at the truth, with the Jacobian of whitened residuals over two runs."""
+
+    def made(*effects):
+        where = coordinates(problem, tuple(e.spec for e in effects))
+        x = where.pack(truth, effects)
+        runs = (0, len(problem.runs) - 1)
+        with ThreadPoolExecutor(1) as pool:
+            objective = Objective(problem, predict_outputs, runs, pool)
+            objective = whitened(objective, white(problem.runs), objective.predictions(truth, effects))
+            w = objective.residual(x, where)
+            jacobian = objective.columns(x, where, w, range(where.n))
+        return Hypothesis(where.effects, Fit(where, x, w, jacobian, 0.0, True, True, 1), 0.0)
+
+    return made
+
+
+def test_only_modes_that_neither_hammer_nor_sensor_rides_on_have_twins(problem, fitted):
+    alone = fitted(ActiveEffect(law(problem, "base-compliance", "turning-mount"), (40.0, 0.1, 0.02)))
+    assert twins(problem, [alone]) == []
+
+
+def test_a_twin_is_the_same_fit_in_the_parameters_of_its_name(problem, fitted):
+    """Residual, base and frequency stay; the Jacobian is that of the arm's own parameters, by the chain rule."""
+    neighbour = ActiveEffect(law(problem, "neighbour-flexibility", "absorber"), (60.0, 0.1, 0.02))
+    drag = ActiveEffect(law(problem, "quadratic-damping", "drag"), (0.05,))
+    one = fitted(drag, neighbour)
+    (twin,) = twins(problem, [one])
+    assert twin.names == ("link-flexibility@load", "quadratic-damping@load")
+    theta, effects = twin.fit.coordinates.unpack(twin.fit.x)
+    assert effects[1].values[1] == pytest.approx(0.1 * theta[problem.base.names.index("load_inertia")])
+    np.testing.assert_array_equal(twin.fit.w, one.fit.w)
+    direct = fitted(*effects).fit.jacobian
+    size = np.linalg.norm(direct, axis=0)
+    np.testing.assert_allclose(np.linalg.norm(twin.fit.jacobian - direct, axis=0), 0.0, atol=0.02 * size.max())
+    assert np.all(np.linalg.norm(twin.fit.jacobian - direct, axis=0) < 0.02 * size + 1e-9)
+
+
+def test_the_reader_is_told_what_alone_tells_two_owners_apart():
+    assert "frequency alone" in told_by_frequency("inboard") == told_by_frequency("absorber")
+    assert told_by_frequency("one-shape") == told_by_frequency("turning-mount") == ""
 
 
 def test_runs_that_tell_little_do_not_hide_two_groups():

@@ -82,8 +82,7 @@ def test_a_concealed_effect_shows(like):
     said = Unseen("stiffness-nonlinearity", "transmission", "", "cubic", "N m/rad^3", 1.0, {}, "noise", None)
     rng = np.random.default_rng(1)
     one, two = (sized(law, like.setting, said, factor, rng) for factor in (1e10, 2e10))
-    if one is None or two is None:
-        pytest.skip("this law states another parameter")
+    assert one is not None and two is not None
     values = [e.reported(like.setting)["cubic"] for e in (one, two)]
     assert values[1] == pytest.approx(2.0 * values[0], rel=0.1)
 

@@ -1,0 +1,89 @@
+"""Refits under the common noise: of what leads, of the base from elsewhere, of every part of the leading set."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.per_run import labelling_cost
+from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.rivals import without
+from jointscope.diagnosis.search import Hypothesis
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.coordinates import Coordinates
+    from jointscope.diagnosis.objective import Objective
+
+Vector = NDArray[np.float64]
+
+LIGHTLY = 0.1  # of the stated damping, another start
+POLISHING = 40  # simulations of all runs that a refit may take
+
+
+def viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis as it stands under the noise of ``objective``."""
+    w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
+    fit = replace(hypothesis.fit, w=w, fresh=False)
+    return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + occam(hypothesis, len(w)))
+
+
+def polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis refitted under the noise of ``objective``, from where it stands."""
+    fit = least_squares(
+        objective, hypothesis.fit.coordinates, hypothesis.fit.x, iterations=8, simulations=POLISHING
+    )
+    return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + occam(hypothesis, len(fit.w)))
+
+
+def _stated(objective: Objective, where: Coordinates) -> tuple[Vector, Vector]:
+    """The base parameters as the campaign states them, and the same hardly damped."""
+    ringing = where.start.copy()
+    ringing[[name.startswith("damping") for name in objective.problem.base.names]] *= LIGHTLY
+    return where.start, ringing
+
+
+def from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hypothesis]) -> Hypothesis:
+    """The base refitted also from where the campaign and the leading hypotheses have its parameters.
+
+    No effect may stand on having found the base's own better optimum.
+    """
+    where = base.fit.coordinates
+    found = [base.fit]
+    starts = [h.fit.coordinates.unpack(h.fit.x)[0] for h in leading]
+    if all(run.mode != "braked" for run in objective.prepared):  # hits leave one optimum, motions several
+        starts.extend(_stated(objective, where))
+    for start in starts:
+        fit = least_squares(objective, where, where.pack(start, ()), iterations=5, tolerance=1e-2, simulations=30)
+        found.append(fit)
+    best = min(found, key=lambda fit: fit.chi2)
+    if best is base.fit:
+        return base
+    return polished(objective, replace(base, fit=best))
+
+
+def parts_of(objective: Objective, leader: Hypothesis) -> list[Hypothesis]:
+    """Every smaller set of the leading one's effects, refitted from its numbers.
+
+    No effect may stand on having shown its companions the way to their better optimum.
+    """
+    found = []
+    for size in range(1, len(leader.specs)):
+        for dropped in itertools.combinations(range(len(leader.specs)), size):
+            fit = leader.fit
+            for position in reversed(dropped):
+                fit = without(objective, fit, position)
+            found.append(polished(objective, Hypothesis(fit.coordinates.effects, fit, math.nan)))
+    return found
+
+
+def occam(hypothesis: Hypothesis, samples: int) -> float:
+    """k/2 ln(nu) of the effects' parameters, and what the choice of their runs costs [nats]."""
+    where = hypothesis.fit.coordinates
+    chosen_runs = sum(labelling_cost(spec) for spec in where.effects)
+    return 0.5 * (where.n - where.n_base) * math.log(max(samples, 2)) + chosen_runs
