@@ -8,6 +8,7 @@ timing: that part is per run, of rank two, and lives in ``whiten``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ
 from jointscope.diagnosis.input_noise import Pole, Ringing, ringing
@@ -114,10 +116,10 @@ def model_floor(output: Output) -> float:
     """How closely the output is modelled at best [-], of its dynamic level."""
     if output.quantity not in ANGULAR:
         return RELATIVE_FLOOR
-    return ANGULAR_FLOOR if _slowly_followed(output) else RIGID_FLOOR
+    return ANGULAR_FLOOR if slowly_followed(output) else RIGID_FLOOR
 
 
-def _slowly_followed(output: Output) -> bool:
+def slowly_followed(output: Output) -> bool:
     """Whether it is an angle whose slow part alone an observer follows: an elastic joint's, not a free inertia's."""
     return output.quantity in ANGULAR and output.followed_to <= 2.0 * OBSERVER_HZ
 
@@ -207,7 +209,7 @@ def block_noise(
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
-    coloured = _slowly_followed(outputs[0])
+    coloured = slowly_followed(outputs[0])
     least, own = model_floor(outputs[0]), max(quantum / np.sqrt(12.0), 1e-300)
     floor = max((EXACT if coloured else least) * level, own)
     segments, envelopes = [], []
@@ -218,16 +220,38 @@ def block_noise(
     if not segments:
         floor = max(floor, least * level)
         return BlockNoise(np.array([1.0]), floor, floor, 0.0)
-    marginal, kappa = _relative_error(segments, envelopes, floor)
-    scaled = [s / np.sqrt(1.0 + np.square(kappa * e / marginal)) for s, e in zip(segments, envelopes, strict=True)]
-    signal: list[Vector] = []  # what no model is closer to, in the colour of what the angle does
-    if coloured:
-        shrunk = [least / np.sqrt(1.0 + np.square(kappa * dynamic_level(o) / marginal)) for o in outputs]
-        signal = [f * dynamic_part(o) for f, o in zip(shrunk, outputs, strict=True)]
-    samples = sum(len(s) for s in scaled)
     filters: list[Ringing | None] = [None]
     if pole is not None and share_of_input > NO_MATTER:
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
+    if not coloured:
+        marginal, kappa = _relative_error(segments, envelopes, floor)
+        return _shaped(_scaled(segments, envelopes, kappa / marginal), [], filters, floor, max_order, kappa / marginal)
+    signal = [least * dynamic_part(o) for o in outputs]  # what no model is closer to, in the colour of the motion
+    shape = _shaped(segments, signal, filters, floor, max_order, 0.0)
+    innovations = [lfilter(shape.ar, [1.0], s)[len(shape.ar) :] for s in _through(shape.ringing, segments)]
+    shorter = [e[len(shape.ar) :] for e in envelopes]
+    marginal, kappa = _relative_error(innovations, shorter, 1e-3 * shape.sigma)
+    ratio = kappa / marginal
+    d = [math.sqrt(1.0 + (ratio * dynamic_level(o)) ** 2) for o in outputs]
+    signal = [x / d_run for x, d_run in zip(signal, d, strict=True)]
+    least_white = floor * math.sqrt(float(np.mean([1.0 / d_run**2 for d_run in d])))
+    return _shaped(_scaled(segments, envelopes, ratio), signal, filters, least_white, max_order, ratio)
+
+
+def _scaled(segments: list[Vector], envelopes: list[Vector], ratio: float) -> list[Vector]:
+    return [s / np.sqrt(1.0 + np.square(ratio * e)) for s, e in zip(segments, envelopes, strict=True)]
+
+
+def _shaped(
+    scaled: list[Vector],
+    signal: list[Vector],
+    filters: Sequence[Ringing | None],
+    floor: float,
+    max_order: int,
+    ratio: float,
+) -> BlockNoise:
+    """Colour of what is left once d is divided out; ``ratio`` is kappa over the process's standard deviation."""
+    samples = sum(len(s) for s in scaled)
     best: tuple[float, BlockNoise] | None = None
     for candidate in filters:
         covariance = autocovariance(_through(candidate, scaled), max_order)
@@ -236,8 +260,7 @@ def block_noise(
         ar, sigma, whole = fit_ar(covariance, samples, floor, max_order)
         cost = samples * np.log(sigma**2) + len(ar) * np.log(samples)
         if best is None or cost < best[0] - RINGS * samples:
-            # kappa was estimated at ``marginal``; the filter's own floor changes the scale a little, d follows ``whole``
-            best = (cost, BlockNoise(ar, sigma, whole, kappa * whole / marginal, candidate))
+            best = (cost, BlockNoise(ar, sigma, whole, ratio * whole, candidate))
     assert best is not None
     return best[1]
 

@@ -29,6 +29,7 @@ from jointscope.diagnosis.noise import (
     block_noise,
     inflation,
     quantum,
+    slowly_followed,
 )
 
 if TYPE_CHECKING:
@@ -120,7 +121,10 @@ def output_filter(
 
 def run_scale(output: Output, noise: BlockNoise, residual: Vector) -> float:
     """Noise of this take over that of its kind [-], shrunk towards 1: force noise for one grows with the hit's level."""
-    e = (residual / inflation(output, noise))[output.mask] / noise.marginal
+    if slowly_followed(output):  # its raw residual is what the observer lets go, slower than anything that counts
+        e = output_filter(output, noise)(residual[:, None])[:, 0]
+    else:
+        e = (residual / inflation(output, noise))[output.mask] / noise.marginal
     if e.size == 0 or not np.all(np.isfinite(e)):
         return 1.0
     weight = e.size / SAMPLES_PER_FREEDOM
