@@ -7,7 +7,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, autocovariance, block_key, block_noise, fit_ar
-from jointscope.diagnosis.whiten import hit_scatter, run_whitener, scatter_columns
+from jointscope.diagnosis.whiten import hit_scatter, output_filter, run_scale, run_whitener, scatter_columns
 
 
 def hit(data, rate=1000.0, quantity="linear-acceleration"):
@@ -77,6 +77,30 @@ def test_error_that_follows_the_signal_is_told_from_a_noise_floor():
     assert np.isclose(proportional.kappa, 0.03, rtol=0.25)
     assert np.isclose(proportional.marginal, 0.05, rtol=0.15)
     assert flat.kappa * env.max() < 0.03
+
+
+def followed_angle(level, n=6000, rate=1000.0):
+    """An angle that swings at 10 Hz, as far as its noise is concerned."""
+    data = level * np.sqrt(2.0) * np.sin(2.0 * np.pi * 10.0 * np.arange(n) / rate)
+    return SimpleNamespace(
+        quantity="angle", rate=rate, data=data, mask=np.ones(n, bool), followed_to=3.0, step=None
+    )
+
+
+def test_what_an_observer_lets_go_is_no_relative_error_of_an_angle():
+    """A slow error as large as a tenth of the motion leaves the noise at 30 Hz and above what it is."""
+    rng = np.random.default_rng(5)
+    outputs = [followed_angle(level) for level in (0.03, 0.1, 0.3)]
+    walks = [o.data.std() * np.cumsum(rng.standard_normal(6000)) * 2e-4 for o in outputs]
+    residuals = [lfilter([1.0, -1.0], [1.0, -0.999], w) + 1e-5 * rng.standard_normal(6000) for w in walks]
+    noise = block_noise(outputs, residuals, 12)
+    assert max(np.std(r) for r in residuals) > 30 * 1e-5
+    tone = np.sin(2.0 * np.pi * 60.0 * np.arange(6000) / 1000.0)
+    for output, residual, loosest in zip(outputs, residuals, (3.0, 6.0, 16.0), strict=True):
+        scale = run_scale(output, noise, residual)
+        heard = np.std(output_filter(output, noise, scale)(tone[:, None]))
+        at_best = np.std(tone) / 1e-5
+        assert at_best / loosest < heard < 2.0 * at_best
 
 
 def test_hit_scatter_is_found_with_its_size():
