@@ -225,7 +225,9 @@ def block_noise(
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
     if not coloured:
         marginal, kappa = _relative_error(segments, envelopes, floor)
-        return _shaped(_scaled(segments, envelopes, kappa / marginal), [], filters, floor, max_order, kappa / marginal)
+        return _shaped(
+            _scaled(segments, envelopes, kappa / marginal), [], filters, floor, max_order, kappa / marginal
+        )
     signal = [least * dynamic_part(o) for o in outputs]  # what no model is closer to, in the colour of the motion
     shape = _shaped(segments, signal, filters, floor, max_order, 0.0)
     innovations = [lfilter(shape.ar, [1.0], s)[len(shape.ar) :] for s in _through(shape.ringing, segments)]
