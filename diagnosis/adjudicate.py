@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
-from jointscope.diagnosis.echo import echoes
-from jointscope.diagnosis.energies import Energies, Kind, drowned, error_energies, heard, improvement
+from jointscope.diagnosis.echo import Echo, echoes
+from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
@@ -91,15 +91,14 @@ class Judgement:
     Attributes:
         objective: The fitted runs, whitened.
         held: The held-out runs, whitened likewise.
-        echo: Per experiment and channel, over fitted and held-out runs: energy of what the noise of a torque log makes
-            the leading hypothesis do [the outputs' units squared].
+        echo: What the noise of a torque log makes the leading hypothesis do, over fitted and held-out runs.
     """
 
     judged: tuple[Judged, ...]
     objective: Objective
     held: Objective
     noise: NoiseModel
-    echo: dict[Kind, float]
+    echo: Echo
 
     @property
     def base(self) -> Judged:
@@ -132,7 +131,9 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
     judged = tuple(evidence(h, objective, held) for h in everything)
-    whole = replace(objective, runs=(*objective.runs, *held_runs), whiteners=())
+    whole = replace(
+        objective, runs=(*objective.runs, *held_runs), whiteners=(*objective.whiteners, *held.whiteners)
+    )
     return Judgement(judged, objective, held, noise, echoes(whole, *best.fit.coordinates.unpack(best.fit.x)))
 
 
@@ -174,14 +175,20 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     """The child's case against the parent."""
     sizes = np.array([sum(w.sizes) for w in judgement.objective.whiteners])
     overdispersion = max(1.0, min(parent.chi2, child.chi2) / max(int(sizes.sum()), 1))
-    silent = drowned(judgement.echo, parent.energies, child.energies)
-    raw = heard(0.5 * (parent.fitted - child.fitted) / overdispersion, judgement.objective.prepared, silent)
+    fitted = 0.5 * (parent.fitted - child.fitted) / overdispersion
+    held = 0.5 * (parent.held_out - child.held_out) / overdispersion
+    runs = (*judgement.objective.prepared, *judgement.held.prepared)
+    gained = by_experiment(np.concatenate([fitted, held]), runs)
+    silent = drowned(judgement.echo, parent.energies, child.energies, gained)
+    raw = heard(fitted, judgement.objective.prepared, silent)
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
-    material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies, judgement.echo)
+    material, share, rest = improvement(
+        judgement.base.energies, parent.energies, child.energies, judgement.echo.energies
+    )
     held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
-        held = heard(0.5 * (parent.held_out - child.held_out) / overdispersion, judgement.held.prepared, silent)
+        held = heard(held, judgement.held.prepared, silent)
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
         agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))

@@ -8,7 +8,7 @@ Efron and Tibshirani 1993, section 6.5).
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,8 +43,22 @@ def noisy_again(run: PreparedRun) -> PreparedRun:
     return replace(run, motor=drive, motor_half=run.motor_half + error)
 
 
-def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> dict[Kind, float]:
-    """Energy of the echo per experiment and channel, over the scored samples [the outputs' units squared]."""
+@dataclass(frozen=True)
+class Echo:
+    """What both torques make the model do.
+
+    Attributes:
+        energies: Per experiment and channel, over the scored samples [the outputs' units squared].
+        nats: Per experiment, half its whitened energy: what a model that follows it gains at most; empty where the
+            runs were not whitened.
+    """
+
+    energies: dict[Kind, float]
+    nats: dict[str, float]
+
+
+def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Echo:
+    """The echo in all runs of ``objective`` at these parameters."""
 
     def apart(run: PreparedRun) -> list[Vector]:
         if run.motor is None or not run.motor.noise > 0.0:
@@ -52,11 +66,17 @@ def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...
         both = (objective.predict(r, theta, effects, objective.problem) for r in (run, noisy_again(run)))
         return [b - a for a, b in zip(*both, strict=True)]
 
-    found: dict[Kind, float] = {}
-    for run, echo in zip(objective.prepared, objective.map(apart, objective.prepared), strict=True):
-        for output, x in zip(run.outputs, echo, strict=False):
+    energies: dict[Kind, float] = {}
+    nats: dict[str, float] = {}
+    for i, (run, echo) in enumerate(
+        zip(objective.prepared, objective.map(apart, objective.prepared), strict=True)
+    ):
+        finite = [np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in echo]
+        for output, x in zip(run.outputs, finite, strict=False):
             key = kind_of(run, output)
             x = asked_only(x, below_excitation(run, output))[output.mask]
-            energy = float(x @ x)
-            found[key] = found.get(key, 0.0) + (energy if np.isfinite(energy) else 0.0)
-    return found
+            energies[key] = energies.get(key, 0.0) + float(x @ x)
+        if finite and objective.whiteners:
+            w = objective.whiteners[i](finite)
+            nats[run.run.experiment] = nats.get(run.run.experiment, 0.0) + 0.5 * float(np.sum(np.square(w)))
+    return Echo(energies, nats)

@@ -13,6 +13,7 @@ from jointscope.diagnosis.excitation import asked_only, below_excitation
 from jointscope.diagnosis.noise import dynamic_level
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.echo import Echo
     from jointscope.diagnosis.objective import Predictions
     from jointscope.diagnosis.prepare import Output, PreparedRun
 
@@ -61,13 +62,26 @@ def improvement(
     return best
 
 
-def drowned(echo: Mapping[Kind, float], before: Energies, after: Energies) -> set[str]:
-    """Experiments in which all that is explained is no more than the echo of a log's noise."""
+def drowned(echo: Echo, before: Energies, after: Energies, gained: Mapping[str, float]) -> set[str]:
+    """Experiments in which all that is explained is no more than the echo of a log's noise.
+
+    More is explained where a channel's error falls by more than the echo's energy, or where the likelihood gains more
+    than following all of the echo would (``gained``, per experiment [nats]): an angle's echo is slow, and large.
+    """
     above: dict[str, bool] = {}
-    for key, energy in echo.items():
+    for key, energy in echo.energies.items():
         experiment = str(key[0])
         above[experiment] = above.get(experiment, False) or before[key][0] - after[key][0] > energy
-    return {experiment for experiment, found in above.items() if not found}
+    loud = {name for name, nats in gained.items() if nats > echo.nats.get(name, math.inf)}
+    return {experiment for experiment, found in above.items() if not found} - loud
+
+
+def by_experiment(gains: Vector, runs: Sequence[PreparedRun]) -> dict[str, float]:
+    """Gains of the runs, shape (n_runs,), summed per experiment."""
+    found: dict[str, float] = {}
+    for run, gain in zip(runs, gains, strict=True):
+        found[run.run.experiment] = found.get(run.run.experiment, 0.0) + float(gain)
+    return found
 
 
 def heard(gains: Vector, runs: Sequence[PreparedRun], silent: set[str]) -> Vector:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
+DRIFTING = 0.05  # the same where only angles that drift off whatever the model are worse
 CLEARLY = 0.9  # of the base's error over what can be foretold, which a named effect must undercut where all in all it is worse
 NEARER = 0.6  # the same of what is left beyond the noise
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
@@ -48,8 +49,9 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
 
     A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
-    unnamed force that does not is left out. An effect that is worse over all channels stays where it is clearly better
-    over those that are told by the model alone: open loop an angle drifts off whatever the model.
+    unnamed force that does not is left out. Open loop an angle drifts off whatever the model: an effect that is worse over
+    all channels stays where it is no worse over those that the model alone tells and little worse as a whole, or where
+    it is clearly better over them.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -69,8 +71,11 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
 
     def worse(judged: Judged) -> bool:
         whole, told = error(judged)
-        clearly = decision.verdict == "effects" and clearly_better(told, of_base[1])
-        return whole > (1.0 + WORSE) * of_base[0] and not clearly
+        if decision.verdict == "effects":
+            no_matter = mean_error(told) <= mean_error(of_base[1]) and whole < (1.0 + DRIFTING) * of_base[0]
+            if no_matter or clearly_better(told, of_base[1]):
+                return False
+        return whole > (1.0 + WORSE) * of_base[0]
 
     if not worse(decision.chosen):
         return diagnosis

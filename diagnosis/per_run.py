@@ -1,9 +1,10 @@
 """Effects that act in some runs more than in others: which runs those are, from the runs themselves.
 
 A payload or a stiffness that drifts from take to take is known by which takes it concerns. Neither order nor ids may
-tell that, so every run's own inertia and stiffness are scored: a payload needs two clearly parted groups of inertia, a
-drift a spread of stiffness beyond the estimates' own errors. The freedom of choosing is paid for in the evidence
-(``labelling_cost``): n ln 2 nats for a choice of members, ln n! for an order.
+tell that, so every run's own inertia and stiffness are scored: a payload needs two clearly parted groups of inertia, of
+all runs or of one experiment's, a drift a spread of stiffness beyond the estimates' own errors. Who carries a payload is
+then asked of its fit, run by run. The freedom of choosing is paid for in the evidence (``labelling_cost``): n ln 2 nats
+for a choice of members, ln n! for an order.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOAD, with_run_weights
-from jointscope.diagnosis.objective import whitened
+from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, with_run_weights
+from jointscope.diagnosis.objective import Objective, Predictions, whitened
+from jointscope.diagnosis.refit import least_squares
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -31,6 +33,14 @@ SOFTENED = 0.2  # of all scatter, below which no run's own standard error is bel
 SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
 TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are
 FEWEST = 4  # runs
+ASKED = 2  # times that a payload is fitted and every run asked whether it carries it
+
+
+def _all_runs(stage: Stage) -> tuple[Objective, Predictions]:
+    """All runs of the problem, held-out ones too, whitened by the noise of ``stage``, and what it predicts of them."""
+    everything = replace(stage.objective, runs=tuple(range(len(stage.objective.problem.runs))), whiteners=())
+    predictions = everything.predictions(*stage.fit.coordinates.unpack(stage.fit.x))
+    return whitened(everything, stage.noise, predictions), predictions
 
 
 def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
@@ -38,12 +48,8 @@ def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
 
     Runs that say nothing of the parameter get an infinite error.
     """
-    problem = stage.objective.problem
-    everything = replace(stage.objective, runs=tuple(range(len(problem.runs))), whiteners=())
-    where = coordinates(problem)
-    theta, effects = where.unpack(stage.fit.x)
-    predictions = everything.predictions(theta, effects)
-    everything = whitened(everything, stage.noise, predictions)
+    problem, where = stage.objective.problem, stage.fit.coordinates
+    everything, predictions = _all_runs(stage)
     w = np.concatenate([everything.whiten_run(i, p) for i, p in enumerate(predictions)])
     position = int(np.flatnonzero(where.free == problem.base.names.index(name))[0])
     column = everything.columns(stage.fit.x, where, w, [position])[:, 0]
@@ -94,18 +100,72 @@ def labelling_cost(spec: EffectSpec) -> float:
     if spec.run_weights is None:
         return 0.0
     n = len(spec.run_weights)
-    return n * math.log(2.0) if spec.name == PAYLOAD.name else math.lgamma(n + 1.0)
+    return n * math.log(2.0) if spec.name == PAYLOADS[0].name else math.lgamma(n + 1.0)
+
+
+def _loaded(problem: Problem, inertia: Vector, errors: Vector) -> NDArray[np.bool_] | None:
+    """Who seems to carry a payload: two groups of all runs, or of one experiment's, the others sorted by its cut."""
+    members = two_groups(inertia, errors)
+    if members is not None:
+        return members
+    kinds = np.array([run.run.experiment for run in problem.runs])
+    for kind in sorted(set(kinds), key=lambda k: -int(np.sum(telling(errors) & (kinds == k)))):
+        members = two_groups(inertia, np.where(kinds == kind, errors, np.inf))
+        if members is not None:
+            cut = 0.5 * (inertia[members].min() + inertia[(kinds == kind) & ~members & np.isfinite(errors)].max())
+            return np.where(kinds == kind, members, np.isfinite(errors) & (inertia > cut))
+    return None
+
+
+def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
+    laws = [spec for spec in PAYLOADS if spec.possible(problem) is None]
+    inertia, errors = run_steps(stage, "load_inertia")
+    members = _loaded(problem, inertia, errors) if laws else None
+    if members is None:
+        return ()
+    known = telling(errors)
+    step = float(np.median(inertia[members & known]) - np.median(inertia[~members & known]))
+    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    size = step * float(theta[problem.base.names.index("load_inertia")])
+    fullest = laws[-1]
+    for _ in range(ASKED):
+        asked = _who_carries(stage, with_run_weights(fullest, _weights(members), problem), size)
+        if asked.all() or not asked.any() or np.array_equal(asked, members):
+            break
+        members = asked
+    return tuple(with_run_weights(spec, _weights(members), problem) for spec in laws)
+
+
+def _weights(members: NDArray[np.bool_]) -> tuple[float, ...]:
+    return tuple(float(m) for m in members)
+
+
+def _who_carries(stage: Stage, spec: EffectSpec, size: float) -> NDArray[np.bool_]:
+    """Which runs are nearer to what the fitted payload predicts with it than without, shape (n_runs,)."""
+    problem = stage.objective.problem
+    where = coordinates(problem, (spec,))
+    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    start = ActiveEffect(spec, (size, *spec.starts(problem)[0]))
+    fit = least_squares(
+        stage.objective, where, where.pack(theta, (start,)), iterations=5, tolerance=1e-2, simulations=40
+    )
+    theta, (payload,) = where.unpack(fit.x)
+    everything, _ = _all_runs(stage)
+    misfits = []
+    for weight in (0.0, 1.0):
+        all_alike = replace(spec, run_weights=(weight,) * len(problem.runs))
+        predictions = everything.predictions(theta, (ActiveEffect(all_alike, payload.values),))
+        left = [everything.whiten_run(i, y) for i, y in enumerate(predictions)]
+        misfits.append([float(w @ w) for w in left])
+    return np.asarray(np.array(misfits[1]) < np.array(misfits[0]))
 
 
 def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     """Payload and drift from run to run, where the runs' own estimates suggest them."""
     free = {problem.base.names[i] for i in np.flatnonzero(problem.base.free)}
     found: list[EffectSpec] = []
-    if "load_inertia" in free and PAYLOAD.possible(problem) is None:
-        inertia, error = run_steps(stage, "load_inertia")
-        members = two_groups(inertia, error)
-        if members is not None:
-            found.append(with_run_weights(PAYLOAD, tuple(float(m) for m in members), problem))
+    if "load_inertia" in free:
+        found.extend(_payloads(stage, problem))
     if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
         stiffness, error = run_steps(stage, "stiffness")
         known = telling(error)

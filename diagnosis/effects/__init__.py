@@ -22,7 +22,7 @@ from jointscope.diagnosis.effects import (
     vibration,
 )
 from jointscope.diagnosis.effects.latent import LATENT
-from jointscope.diagnosis.effects.load import PAYLOAD
+from jointscope.diagnosis.effects.load import PAYLOADS
 from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, ParameterSpec
 from jointscope.diagnosis.effects.transmission import DRIFT_PER_RUN
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DRIFT_PER_RUN",
     "LATENT",
-    "PAYLOAD",
+    "PAYLOADS",
     "REGISTRY",
     "ActiveEffect",
     "EffectSpec",
@@ -67,7 +67,7 @@ def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
 
 
 def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Problem) -> EffectSpec:
-    """``PAYLOAD`` or ``DRIFT_PER_RUN`` for given runs: the amplitude's factor in each, in the order of problem.runs."""
+    """One of ``PAYLOADS`` or ``DRIFT_PER_RUN`` for given runs: the amplitude's factor in each, in the order of problem.runs."""
     return replace(at_rig(spec, problem), run_weights=weights)
 
 

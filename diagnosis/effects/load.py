@@ -1,7 +1,7 @@
 r"""On the arm: weight that the base lacks, inertia that differs between runs, a stop that it runs into.
 
     - M cos(q + phi)                       gravity (a constant force on a translational rig)
-    J_L + inertia in some of the runs      payload
+    J_L + inertia in some of the runs      payload; with its weight, - inertia g / rho cos(q)
     - k (q - q_stop)+ (1 + c_k q')         end-stop, one-sided (Hunt and Crossley: no pull, loss that grows with depth)
 
 Facts used as tests: at standstill the transmission carries exactly the weight; a payload moves the held arm's frequency
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Starts, Values, one_start
+from jointscope.models.parameters import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -57,6 +58,11 @@ def _payload(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.J_L] = max(assembly.P[kernel.J_L] + values[0] * weight, 1e-9)
 
 
+def _heavy_payload(assembly: Assembly, values: Values, weight: float) -> None:
+    _payload(assembly, values, weight)
+    assembly.P[kernel.G_COS] += weight * values[0] * STANDARD_GRAVITY / values[1]
+
+
 def _payload_sizes(problem: Problem) -> tuple[float, float, float]:
     inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
     return 0.01 * inertia, 0.05 * inertia, 0.2 * inertia
@@ -64,11 +70,26 @@ def _payload_sizes(problem: Problem) -> tuple[float, float, float]:
 
 def _payload_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
-    return {"inertia": (-0.6 * inertia, 3.0 * inertia)}
+    reach = _reach(problem)
+    return {"inertia": (-0.6 * inertia, 3.0 * inertia), "percussion_radius": (0.1 * reach, 5.0 * reach)}
+
+
+def _reach(problem: Problem) -> float:
+    """How far out [m] the rig's sensors, its hammer and its arm's centre of mass are."""
+    radii = [o.radius for run in problem.runs for o in run.outputs if o.radius]
+    return max([*radii, problem.rig.arm_com_radius or 0.0], default=0.0) or 1.0
 
 
 def _several_runs(problem: Problem) -> str | None:
     return None if len(problem.runs) > 1 else "one run can't show a difference between runs"
+
+
+def _lifted(problem: Problem) -> str | None:
+    if problem.rig.motion == "translational" or problem.rig.plane != "vertical":
+        return "nothing is lifted"
+    if all(run.mode == "braked" for run in problem.runs):
+        return "the motor is held in every run: weight only preloads the transmission"
+    return _several_runs(problem)
 
 
 def _stop(side: float) -> Apply:
@@ -175,19 +196,33 @@ SPECS: tuple[EffectSpec, ...] = (
     ),
 )
 
-PAYLOAD = EffectSpec(
-    name="payload",
-    location="load",
-    variant="some-runs",
-    family="inertia",
-    exact=True,
-    parameters=(ParameterSpec("inertia", "kg m^2", -1e9, 1e9, null=0.0),),
-    law="J_L + inertia in the loaded runs",
-    revealed_by=("hammer", "torque-sweep", "speed-motion"),
-    look_alikes=("stiffness-drift", "torque-gain"),
-    apply=_payload,
-    scale=_payload_sizes,
-    starts=one_start,
-    possible=_several_runs,
-    limits=_payload_limits,
+_INERTIA = ParameterSpec("inertia", "kg m^2", -1e9, 1e9, null=0.0)
+PAYLOADS = tuple(
+    EffectSpec(
+        name="payload",
+        location="load",
+        variant=variant,
+        family="inertia",
+        exact=True,
+        parameters=parameters,
+        law=law,
+        revealed_by=("hammer", "torque-sweep", "speed-motion"),
+        look_alikes=("stiffness-drift", "torque-gain"),
+        apply=apply,
+        scale=_payload_sizes,
+        starts=starts,
+        possible=possible,
+        limits=_payload_limits,
+    )
+    for variant, law, parameters, apply, starts, possible in (
+        ("some-runs", "J_L + inertia in the loaded runs", (_INERTIA,), _payload, one_start, _several_runs),
+        (
+            "lifted",
+            "J_L + inertia and -(inertia g / percussion_radius) cos(q) in the loaded runs",
+            (_INERTIA, ParameterSpec("percussion_radius", "m", 1e-3, 1e3, log=True)),
+            _heavy_payload,
+            lambda problem: ((_reach(problem),),),
+            _lifted,
+        ),
+    )
 )

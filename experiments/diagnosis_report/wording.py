@@ -71,6 +71,7 @@ FIELD_NAMES = {
     "torque-gain.gain": "true over stated torque constant or efficiency",
     "gravity.moment": "static moment m g r that is missing",
     "payload.inertia": "payload inertia about the joint",
+    "payload.percussion_radius": "payload's distance, J/(m r) about the joint",
     "link-flexibility.frequency": "bending mode of the arm",
     "base-compliance.frequency": "mounting resonance",
     "neighbour-flexibility.frequency": "neighbouring joint's mode",

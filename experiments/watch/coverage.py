@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOAD, REGISTRY, EffectSpec
+from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, REGISTRY, EffectSpec
 from jointscope.diagnosis.next_experiment import MENU, separators
 from jointscope.diagnosis.parameters import base_spec
 from jointscope.diagnosis.problem import PreparedRun, Problem
@@ -130,7 +130,7 @@ def _travel(run: Run, rig: Nameplate) -> float:
 
 def _effects(problem: Problem | None, experiments: set[str], menu: Mapping[str, Held]) -> list[EffectCoverage]:
     groups: dict[tuple[str, str], list[EffectSpec]] = {}
-    for spec in (*REGISTRY, PAYLOAD, DRIFT_PER_RUN):
+    for spec in (*REGISTRY, *PAYLOADS, DRIFT_PER_RUN):
         groups.setdefault((spec.name, spec.location), []).append(spec)
     missing = {key: _missing(specs, problem, experiments) for key, specs in groups.items()}
     visible = {name for (name, _), why in missing.items() if not why}

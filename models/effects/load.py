@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 
 from jointscope.models.effects.building import Building, Parameters
+from jointscope.models.parameters import STANDARD_GRAVITY
 
 
 def gravity(building: Building, location: str, variant: str, p: Parameters) -> str:
@@ -23,8 +24,10 @@ def end_stop(building: Building, location: str, variant: str, p: Parameters) -> 
 
 
 def payload(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """J_L + inertia in the runs that carry it; the file holds the unloaded arm."""
+    """J_L + inertia, and its weight, in the runs that carry it; the file holds the unloaded arm."""
     building.law("payload", inertia=p["inertia"])
+    if "percussion_radius" in p:
+        building.law("weight", moment=p["inertia"] * STANDARD_GRAVITY / p["percussion_radius"], phase=0.0)
     return ""
 
 

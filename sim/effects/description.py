@@ -51,7 +51,7 @@ def physics_of(description: Mapping[str, Any]) -> Callable[[Run], Physics]:
             motor_zero=motor_zero(run, rig["reduction_ratio"]),
             run=run.id,
         )
-        mechanical = [law for law in laws if law["kind"] in MECHANICS]
+        mechanical = [_carried(law, run) for law in laws if law["kind"] in MECHANICS]
         law, actuation = joint_law(mechanical, {**spring, "stiffness": spring["stiffness"] * factor}, frame)
 
         def edit(spec: mujoco.MjSpec) -> None:
@@ -91,6 +91,13 @@ def motor_zero(run: Run, ratio: float) -> float:
             if samples.size:
                 return float(np.median(samples[:8])) / ratio - run.arm_angle
     return 0.0
+
+
+def _carried(law: Law, run: Run) -> Law:
+    """The law as it is in the run: a payload's weight is there where the payload is."""
+    return (
+        {**law, "moment": law["moment"] * weight(law, run)} if law["kind"] == "weight" and "runs" in law else law
+    )
 
 
 def _edit(spec: mujoco.MjSpec, law: Law, run: Run, frame: Frame) -> None:
