@@ -92,10 +92,13 @@ def _farthest(problem: Problem, positions: tuple[int, ...], chosen: list[int]) -
 
 
 def _reach(run: PreparedRun) -> tuple[float, float] | None:
-    """Lowest and highest recorded angle at the output [rad], where one was followed."""
-    if run.observed is None or run.observed.rate_signal:
+    """Lowest and highest recorded angle at the output [rad], or integral of a speed, where one was followed."""
+    if run.observed is None:
         return None
-    return float(run.observed_half.min()), float(run.observed_half.max())
+    angle = run.observed_half
+    if run.observed.rate_signal:
+        angle = run.initial_angle + np.cumsum(angle) / (2.0 * run.grid_rate)
+    return float(angle.min()), float(angle.max())
 
 
 def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:

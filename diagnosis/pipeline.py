@@ -14,6 +14,7 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.alignment import inexact, realigned
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.constancy import Change, changes
+from jointscope.diagnosis.effects import at_rig
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
@@ -23,6 +24,7 @@ from jointscope.diagnosis.predict import free_prediction
 from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
+from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
 from jointscope.diagnosis.verdict import (
     Decision,
@@ -75,6 +77,13 @@ class Diagnosis:
     changes: tuple[Change, ...] = ()
 
 
+def _at_size(problem: Problem, stage: Stage) -> tuple[Problem, Stage]:
+    """The problem with the sizes of its motion at the refitted base: a drive that follows better goes further."""
+    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    problem = replace(problem, scales=typical_sizes(problem, theta))
+    return problem, replace(stage, objective=replace(stage.objective, problem=problem))
+
+
 def diagnose(
     problem: Problem,
     predict: Predict,
@@ -100,6 +109,8 @@ def diagnose(
         theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
         problem = realigned(problem, theta)
         stage = refit_base(problem, predict, split.estimate, pool)
+    problem, stage = _at_size(problem, stage)
+    specs = tuple(at_rig(spec, problem) for spec in specs)
     screening, hypotheses = explore(stage, specs, effort, report)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)

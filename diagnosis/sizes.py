@@ -1,4 +1,4 @@
-"""Typical sizes of motion, torque and wind-up in a campaign, from the base model at its start values."""
+"""Typical sizes of motion, torque and wind-up in a campaign, from the base model."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ from jointscope.diagnosis.predict import build, integrate
 from jointscope.diagnosis.problem import Scales
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from jointscope.diagnosis.problem import Problem
+
+    Vector = NDArray[np.float64]
 
 
 def unit_scales() -> Scales:
     return Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, -1.0, 1.0, 1.0)
 
 
-def typical_sizes(problem: Problem) -> Scales:
-    """Typical sizes over all runs, from the base model at its start values."""
-    base = problem.base.start
+def typical_sizes(problem: Problem, base: Vector) -> Scales:
+    """Typical sizes over all runs, from the base model at the parameters ``base``, shape (n_theta,)."""
     peak = dict.fromkeys(
         ("torque", "wind_up", "rate", "speed", "motor_speed", "travel", "motor", "load", "acc", "time"), 1e-12
     )

@@ -50,7 +50,7 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
     runs = tuple(with_wind_up(run) for run in problem.runs)
     problem = replace(problem, runs=runs, base=bounded(base, runs, rig))
     findings = (*problem.findings, *assumptions(rig, base, problem.runs))
-    return replace(problem, scales=typical_sizes(problem), findings=findings)
+    return replace(problem, scales=typical_sizes(problem, problem.base.start), findings=findings)
 
 
 def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = False) -> Problem:

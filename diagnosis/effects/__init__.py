@@ -37,6 +37,7 @@ __all__ = [
     "ActiveEffect",
     "EffectSpec",
     "ParameterSpec",
+    "at_rig",
     "catalogue",
     "with_run_weights",
 ]

@@ -124,7 +124,7 @@ def _stop_starts(side: float) -> Starts:
         s = problem.scales
         edge = s.angle_high if side > 0.0 else s.angle_low
         loss = 0.3 / max(s.speed, 1e-9)
-        return tuple((edge - side * share * s.travel, loss) for share in (5e-4, 5e-3, 0.03, 0.12, 0.3, 0.5))
+        return tuple((edge - side * share * s.travel, loss) for share in (5e-4, 5e-3, 0.015, 0.03, 0.12, 0.3, 0.5))
 
     return starts
 
