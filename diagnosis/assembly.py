@@ -57,6 +57,7 @@ class Chain:
         resonance_damping: Its damping ratio [-].
         bandwidth: First-order bandwidth of the accelerometer [Hz], ``inf`` without.
         saturation: Level at which the accelerometer clips [m/s^2 or rad/s^2], ``inf`` without.
+        knee: How sharply it does, y / (1 + |y/level|^knee)^(1/knee) [-].
         accelerometer_gain: True over stated sensitivity [-].
         force_gain: The same of the hammer's force [-].
         torque_gain: True over stated torque constant or efficiency [-].
@@ -75,6 +76,7 @@ class Chain:
     resonance_damping: float = 0.05
     bandwidth: float = math.inf
     saturation: float = math.inf
+    knee: float = math.inf
     accelerometer_gain: float = 1.0
     force_gain: float = 1.0
     torque_gain: float = 1.0

@@ -198,7 +198,10 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
     else:
         y = recorded(x, run.grid_rate, run.t0, times, output.rate)
     if math.isfinite(chain.saturation) and output.quantity in ACCELERATIONS:
-        y = np.clip(y, -chain.saturation, chain.saturation)
+        if math.isfinite(chain.knee):
+            y = y / np.power(1.0 + np.power(np.abs(y) / chain.saturation, chain.knee), 1.0 / chain.knee)
+        else:
+            y = np.clip(y, -chain.saturation, chain.saturation)
     return y
 
 

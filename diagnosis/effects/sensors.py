@@ -2,7 +2,7 @@ r"""The accelerometer and the hammer's load cell.
 
     cos(angle) tangential + sin(angle) radial                 sensor-tilt
     w^2/(s^2 + 2 zeta w s + w^2), or 1/(1 + s/w)              sensor-resonance
-    clip(y, +-level)                                          sensor-saturation
+    clip(y, +-level), or y / (1 + |y/level|^p)^(1/p)          sensor-saturation
     gain y                                                    sensor-gain (true over stated sensitivity or radius)
 
 Facts used as tests: at standstill a tilted dc sensor reads g cos(q - angle); a resonance amplifies low frequencies by
@@ -44,6 +44,8 @@ def _bandwidth(assembly: Assembly, values: Values, weight: float) -> None:
 
 def _saturation(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.chain.saturation = values[0]
+    if len(values) > 1:
+        assembly.chain.knee = values[1]
 
 
 def _accelerometer_gain(assembly: Assembly, values: Values, weight: float) -> None:
@@ -97,6 +99,16 @@ def _level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {"level": (0.01 * peak, 1.5 * peak)}
 
 
+def _soft_levels(problem: Problem) -> tuple[float, float, float]:
+    peak = max(problem.scales.acceleration, 1e-9)
+    return 10.0 * peak, 4.0 * peak, 1.5 * peak
+
+
+def _soft_level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    peak = max(problem.scales.acceleration, 1e-9)
+    return {"level": (0.3 * peak, 100.0 * peak)}
+
+
 _TIMING = ("delay", "drive-lag", "link-flexibility")
 _FREQUENCY = ParameterSpec("frequency", "Hz", 1.0, 1e5, log=True, null=math.inf)
 
@@ -146,21 +158,35 @@ SPECS: tuple[EffectSpec, ...] = (
         possible=needs_accelerometer,
         limits=_resonance_limits,
     ),
-    EffectSpec(
-        name="sensor-saturation",
-        location="acquisition",
-        variant="clip",
-        family="sensor-gain",
-        exact=True,
-        parameters=(ParameterSpec("level", "m/s^2", 1e-6, 1e9, log=True, null=math.inf),),
-        law="clip(y, +-level)",
-        revealed_by=("hammer", "torque-sweep"),
-        look_alikes=("link-flexibility", "stiffness-nonlinearity"),
-        apply=_saturation,
-        scale=_levels,
-        starts=one_start,
-        possible=needs_accelerometer,
-        limits=_level_limits,
+    *(
+        EffectSpec(
+            name="sensor-saturation",
+            location="acquisition",
+            variant=variant,
+            family="sensor-gain",
+            exact=exact,
+            parameters=(ParameterSpec("level", "m/s^2", 1e-6, 1e9, log=True, null=math.inf), *further),
+            law=law,
+            revealed_by=("hammer", "torque-sweep"),
+            look_alikes=("link-flexibility", "stiffness-nonlinearity"),
+            apply=_saturation,
+            scale=sizes,
+            starts=starts,
+            possible=needs_accelerometer,
+            limits=limits,
+        )
+        for variant, law, further, sizes, starts, limits, exact in (
+            ("clip", "clip(y, +-level)", (), _levels, one_start, _level_limits, True),
+            (
+                "compressing",
+                "y / (1 + |y/level|^knee)^(1/knee)",
+                (ParameterSpec("knee", "1", 1.0, 12.0, log=True),),
+                _soft_levels,
+                lambda problem: ((2.0,),),
+                _soft_level_limits,
+                False,
+            ),
+        )
     ),
     EffectSpec(
         name="sensor-gain",

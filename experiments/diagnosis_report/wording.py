@@ -33,7 +33,7 @@ CALLED = {
     "clock-drift": "recording clocks that run at different rates",
     "sensor-tilt": "a tilted accelerometer",
     "sensor-resonance": "a resonance of the accelerometer's mount",
-    "sensor-saturation": "clipping of the accelerometer",
+    "sensor-saturation": "clipping or compression of the accelerometer",
     "sensor-gain": "a wrong sensor sensitivity or radius",
     "torque-logging": "a torque log that is held or averaged at a low rate",
 }

@@ -36,8 +36,9 @@ def resonance(building: Building, location: str, variant: str, p: Parameters) ->
 
 
 def saturation(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """The accelerometer clips."""
-    building.law("sensor-saturation", level=p["level"])
+    """The accelerometer clips, or is compressed towards a level."""
+    knee = {"knee": p["knee"]} if "knee" in p else {}
+    building.law("sensor-saturation", level=p["level"], **knee)
     return ""
 
 

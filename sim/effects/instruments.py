@@ -85,10 +85,17 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         if signal.channel.quantity in ACCELERATIONS:
             for law in laws:
                 if law["kind"] == "sensor-saturation":
-                    samples = np.clip(samples, -law["level"], law["level"])
+                    samples = _saturated(samples, law["level"], law.get("knee"))
         return samples
 
     return Acquisition(acted=acted, clock=clock, seen=seen, kept=kept)
+
+
+def _saturated(samples: NDArray[np.float64], level: float, knee: float | None) -> NDArray[np.float64]:
+    """Clipped at +-level, or compressed towards it: the p-norm of 1/y and 1/level, p the knee."""
+    if knee is None:
+        return np.clip(samples, -level, level)
+    return np.asarray(samples * np.exp(-np.logaddexp(0.0, knee * np.log(np.abs(samples) / level + 1e-300)) / knee))
 
 
 def daq_of(run: Run) -> int:
