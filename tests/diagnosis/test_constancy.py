@@ -27,7 +27,10 @@ def friction(problem):
 
 
 def changing(own, active, by):
-    """The recordings with friction whose size goes from 1 - ``by`` to 1 + ``by`` times its mean within every sweep."""
+    """The recordings with friction whose size goes from 1 - ``by`` to 1 + ``by`` times its mean within every sweep.
+
+    The angle that the observer follows is not scored: it would have to move otherwise too.
+    """
     runs = []
     for run in own.runs:
         steady = run.run.experiment in STEADY
@@ -36,7 +39,8 @@ def changing(own, active, by):
         outputs = []
         for o, y, z in zip(run.outputs, plain, rubbed, strict=True):
             size = 1.0 + (by if steady else 0.0) * np.linspace(-1.0, 1.0, y.size)
-            outputs.append(replace(o, data=o.data if o.observed else o.data + size * (z - y)))
+            if not o.observed:
+                outputs.append(replace(o, data=o.data + size * (z - y)))
         runs.append(replace(run, outputs=tuple(outputs)))
     return replace(own, runs=tuple(runs))
 
