@@ -36,6 +36,8 @@ class ChannelError:
     Attributes:
         error: RMS(recorded - predicted) over RMS(recorded), or over RMS(recorded - first value) for angles.
         floor: The same for a perfect model; ``nan`` where it is not known.
+        apart: The error once a hit's own gain and time are taken off, within three standard deviations of their
+            scatter; ``error`` for anything but hits.
     """
 
     run: str
@@ -43,6 +45,7 @@ class ChannelError:
     channel: str
     error: float
     floor: float
+    apart: float = float("nan")
 
 
 def said(error: float | None) -> str:
@@ -83,6 +86,19 @@ def floor_of(run: PreparedRun, output: Output, noise: NoiseModel, predicted: Vec
     return float(np.sqrt(variance))
 
 
+def without_own_scatter(
+    recorded: Vector, predicted: Vector, scored: NDArray[np.bool_], rate: float, noise: NoiseModel
+) -> Vector:
+    """The prediction with the gain and the time that this hit seems to have had, by its ``scored`` samples."""
+    departure = predicted - predicted[0]
+    columns = np.stack([departure, np.gradient(departure) * rate], axis=1)
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    own = np.linalg.lstsq(columns[scored] / size, (recorded - predicted)[scored], rcond=1e-8)[0] / size
+    limit = 3.0 * np.array([noise.gain, noise.timing])
+    return np.asarray(predicted + columns @ np.clip(own, -limit, limit))
+
+
 def channel_errors(
     problem: Problem,
     free: Free,
@@ -112,7 +128,11 @@ def channel_errors(
             )
             floor = floor_of(run, output, noise, predicted) / reference if reference > 0.0 else float("nan")
             label = f"{output.quantity}@{output.location}"
-            found.append(ChannelError(run.run.id, run.run.experiment, label, error, floor))
+            apart = error
+            if is_hit(run) and np.all(np.isfinite(predicted)):
+                own = without_own_scatter(recorded, predicted, scored, output.rate, noise)
+                apart = relative_error(output.quantity, recorded[scored], own[scored])
+            found.append(ChannelError(run.run.id, run.run.experiment, label, error, floor, apart))
     return tuple(found)
 
 

@@ -49,9 +49,9 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
 
     A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
-    unnamed force that does not is left out. Open loop an angle drifts off whatever the model: an effect that is worse over
-    all channels stays where it is no worse over those that the model alone tells and little worse as a whole, or where
-    it is clearly better over them.
+    unnamed force that does not is left out. Open loop an angle drifts off whatever the model, and a hit has a gain of its
+    own: an effect that is worse over all channels stays where it is no worse over those that the model alone tells and
+    little worse as a whole, or where it is clearly better over them.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -65,7 +65,7 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
         errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
         told = [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
-        return mean_error(errors), [replace(e, error=min(e.error, LOST)) for e in told]
+        return mean_error(errors), [replace(e, error=min(e.apart, LOST)) for e in told]
 
     of_base = error(base)
 

@@ -2,12 +2,14 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.errors import ChannelError
+from jointscope.diagnosis.errors import ChannelError, without_own_scatter
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import SECOND_CHOICE, clearly_better
 from jointscope.diagnosis.predict import predict_outputs
@@ -68,3 +70,15 @@ def test_what_is_clearly_better(error, floor, better):
     """Against a base of 0.1: a tenth less, or two fifths less of what is left beyond the noise."""
     named, base = ([ChannelError("r", "torque-sweep", "linear-acceleration@arm", e, floor)] for e in (error, 0.1))
     assert clearly_better(named, base) is better
+
+
+@pytest.mark.parametrize(("gain", "left"), [(0.02, 0.0), (-0.02, 0.0), (0.2, 0.17)])
+def test_a_hit_is_told_apart_from_its_own_gain_and_time(gain, left):
+    """A gain of 2 % and 20 us are scatter and taken off; of a gain of 20 % three standard deviations are."""
+    rate, t = 2000.0, np.arange(1500) / 2000.0
+    ringing = lambda time: np.exp(-9.0 * time) * np.sin(190.0 * time)  # noqa: E731
+    recorded = (1.0 + gain) * ringing(t + (2e-5 if left == 0.0 else 0.0))
+    noise = SimpleNamespace(gain=0.01, timing=2e-5)
+    own = without_own_scatter(recorded, ringing(t), t > 0.01, rate, noise)
+    error = np.sqrt(np.mean((recorded - own)[t > 0.01] ** 2) / np.mean(ringing(t)[t > 0.01] ** 2))
+    assert error == pytest.approx(left, abs=1e-3)
