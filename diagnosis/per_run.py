@@ -103,7 +103,7 @@ def labelling_cost(spec: EffectSpec) -> float:
     return n * math.log(2.0) if spec.name == PAYLOADS[0].name else math.lgamma(n + 1.0)
 
 
-def _loaded(problem: Problem, inertia: Vector, errors: Vector) -> NDArray[np.bool_] | None:
+def loaded(problem: Problem, inertia: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     """Who seems to carry a payload: two groups of all runs, or of one experiment's, the others sorted by its cut."""
     members = two_groups(inertia, errors)
     if members is not None:
@@ -120,7 +120,7 @@ def _loaded(problem: Problem, inertia: Vector, errors: Vector) -> NDArray[np.boo
 def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     laws = [spec for spec in PAYLOADS if spec.possible(problem) is None]
     inertia, errors = run_steps(stage, "load_inertia")
-    members = _loaded(problem, inertia, errors) if laws else None
+    members = loaded(problem, inertia, errors) if laws else None
     if members is None:
         return ()
     known = telling(errors)

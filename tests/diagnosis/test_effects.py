@@ -230,6 +230,34 @@ def test_saturation_leaves_everything_below_its_level(problem, truth):
     np.testing.assert_array_equal(cut, np.clip(base, -level, level))
 
 
+def test_a_compressed_accelerometer_is_cubic_below_and_clips_with_a_sharp_knee(problem, truth):
+    run = problem.runs[1]
+    (base,) = predict_outputs(run, truth, (), problem)
+    peak = np.abs(base).max()
+
+    def read(level, knee):
+        active = effect(problem, "sensor-saturation", "compressing", level=level, knee=knee)
+        return predict_outputs(run, truth, (active,), problem)[0]
+
+    np.testing.assert_allclose(
+        read(20.0 * peak, 2.0), base * (1.0 - 0.5 * (base / (20.0 * peak)) ** 2), atol=1e-5 * peak
+    )
+    np.testing.assert_allclose(read(0.5 * peak, 12.0), np.clip(base, -0.5 * peak, 0.5 * peak), atol=0.03 * peak)
+
+
+def test_a_lifted_payload_is_an_inertia_and_a_weight(problem, truth):
+    """The same as gravity's moment inertia g / percussion_radius beside the inertia, in the sweep that carries it."""
+    weights = (0.0, 0.0, 1.0)
+    lifted = outputs(problem, truth, effect(problem, "payload", "lifted", run_weights=weights, inertia=0.3,
+                     percussion_radius=0.6))  # fmt: skip
+    parts = outputs(problem, truth, effect(problem, "payload", "some-runs", run_weights=weights, inertia=0.3),
+                    effect(problem, "gravity", "level", moment=0.3 * 9.80665 / 0.6))  # fmt: skip
+    for one, other in zip(lifted[2:], parts[2:], strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
+    base = outputs(problem, truth)
+    assert np.array_equal(base[0], lifted[0]) and np.array_equal(base[1], lifted[1])
+
+
 def test_payload_moves_only_the_runs_that_carry_it(problem, truth, plant):
     base = outputs(problem, truth)
     loaded = outputs(problem, truth, effect(problem, "payload", run_weights=(0.0, 1.0, 0.0), inertia=0.3))

@@ -2,6 +2,7 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from jointscope.diagnosis.effects.modes import INBOARD
 from jointscope.diagnosis.effects.periodic import harmonics, slower_lines
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import Objective, whitened
-from jointscope.diagnosis.per_run import two_groups
+from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
@@ -122,6 +123,18 @@ def test_runs_that_tell_little_do_not_hide_two_groups():
     members = two_groups(values, errors)
     assert members is not None
     assert members[:6].all() and not members[6:].any()
+
+
+def test_groups_of_one_experiment_sort_the_others():
+    """Motions whose own weight is wrong spread anyhow; the hits part in two, and the sweeps go where they are nearer."""
+    kinds = ["hammer"] * 8 + ["torque-sweep"] * 2 + ["speed-motion"] * 3
+    runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=kind)) for kind in kinds)
+    inertia = np.array([0.0, 0.001, -0.001, 0.0, 0.02, 0.021, 0.019, 0.02, 0.018, 0.001, -0.05, 0.07, 0.15])
+    errors = np.array([1e-3] * 11 + [0.02] * 2)
+    assert two_groups(inertia, errors) is None
+    members = loaded(SimpleNamespace(runs=runs), inertia, errors)
+    assert members is not None
+    np.testing.assert_array_equal(members[:10], [0, 0, 0, 0, 1, 1, 1, 1, 1, 0])
 
 
 def test_one_group_is_not_parted():

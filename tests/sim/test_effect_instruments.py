@@ -106,6 +106,9 @@ def test_accelerometer_faults_by_their_transfer_functions():
     clipped = stepped(run, entry("sensor-saturation", "acquisition", "clip", level=level))[ACC]
     assert clipped == pytest.approx(np.clip(stepped(run)[ACC], -level, level))
     assert t.size == clipped.size
+    soft = stepped(run, entry("sensor-saturation", "acquisition", "compressing", level=level, knee=2.0))[ACC]
+    y = stepped(run)[ACC]
+    assert soft == pytest.approx(y / np.sqrt(1.0 + (y / level) ** 2))
 
 
 def test_a_tilted_accelerometer_sees_gravitys_radial_part_and_the_cosine_of_its_own():

@@ -61,6 +61,18 @@ def test_payload_moves_the_frequency_in_the_runs_that_carry_it_only():
         assert frequency(*peaks(x), 0.05, 0.9) == pytest.approx(expected, rel=1e-3)
 
 
+def test_a_lifted_payload_weighs_in_the_runs_that_carry_it_only():
+    """At rest the wind-up carries M cos(q), and inertia g / percussion_radius more of it with the payload."""
+    none = np.zeros(400)
+    run = run_of((RATE, [channel("angle", "motor", "output", none), channel("angle", "arm", "output", none)]),
+                 experiment="free", arm_angle=0.5)  # fmt: skip
+    for weight in (0.0, 1.0):
+        payload = entry("payload", "load", "lifted", {"a": weight}, inertia=0.6, percussion_radius=0.5)
+        found = stepped(run, payload, rig=UPRIGHT, gravity_moment=40.0)
+        torque = (40.0 + weight * 0.6 * 9.80665 / 0.5) * math.cos(0.5)
+        assert found[MOTOR][0] / N - 0.5 == pytest.approx(torque / K, rel=1e-4)
+
+
 def test_at_rest_the_drive_carries_the_weight_and_nothing_moves():
     """The motor's equilibrium torque is M cos(q + phase); a run without torque is held there."""
     none = np.zeros(400)
