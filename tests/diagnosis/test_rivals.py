@@ -126,15 +126,20 @@ def test_runs_that_tell_little_do_not_hide_two_groups():
 
 
 def test_groups_of_one_experiment_sort_the_others():
-    """Motions whose own weight is wrong spread anyhow; the hits part in two, and the sweeps go where they are nearer."""
-    kinds = ["hammer"] * 8 + ["torque-sweep"] * 2 + ["speed-motion"] * 3
+    """A motion whose own weight is wrong, and sweeps in between, hide what the hits show: two groups."""
+    light = [-20.5, -18.7, -14.6, -14.4, -11.7]
+    heavy = [0.5, 2.5, 3.2, 5.1, 5.2, 6.1, 6.3, 7.0, 7.0, 7.9, 8.2]
+    inertia = 1e-3 * np.array([*light, *heavy, -6.75, -6.65, -6.04, -4.31, -50.8])
+    errors = 1e-3 * np.array(
+        [3.8, 1.5, 0.8, 1.4, 1.8, 3.4, 3.0, 2.1, 0.7, 1.6, 0.6, 0.9, 1.1, 1.4, 2.5, 0.9, 0.9, 0.4, 0.6, 1.3, 3.5]
+    )
+    kinds = ["hammer"] * 16 + ["torque-sweep"] * 4 + ["speed-motion"]
     runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=kind)) for kind in kinds)
-    inertia = np.array([0.0, 0.001, -0.001, 0.0, 0.02, 0.021, 0.019, 0.02, 0.018, 0.001, -0.05, 0.07, 0.15])
-    errors = np.array([1e-3] * 11 + [0.02] * 2)
     assert two_groups(inertia, errors) is None
     members = loaded(SimpleNamespace(runs=runs), inertia, errors)
     assert members is not None
-    np.testing.assert_array_equal(members[:10], [0, 0, 0, 0, 1, 1, 1, 1, 1, 0])
+    np.testing.assert_array_equal(members[:16], [False] * 5 + [True] * 11)
+    assert not members[-1]
 
 
 def test_one_group_is_not_parted():
