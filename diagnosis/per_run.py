@@ -103,28 +103,30 @@ def labelling_cost(spec: EffectSpec) -> float:
     return n * math.log(2.0) if spec.name == PAYLOADS[0].name else math.lgamma(n + 1.0)
 
 
-def loaded(problem: Problem, inertia: Vector, errors: Vector) -> NDArray[np.bool_] | None:
-    """Who seems to carry a payload: two groups of all runs, or of one experiment's, the others sorted by its cut."""
-    members = two_groups(inertia, errors)
-    if members is not None:
-        return members
+def loaded(problem: Problem, inertia: Vector, errors: Vector) -> tuple[NDArray[np.bool_], float] | None:
+    """Who seems to carry a payload and how much it adds, or ``None``.
+
+    Two groups of all runs, or of one experiment's, the others sorted by its cut.
+    """
     kinds = np.array([run.run.experiment for run in problem.runs])
-    for kind in sorted(set(kinds), key=lambda k: -int(np.sum(telling(errors) & (kinds == k)))):
-        members = two_groups(inertia, np.where(kinds == kind, errors, np.inf))
+    ordered = sorted(set(kinds), key=lambda k: -int(np.sum(telling(errors) & (kinds == k))))
+    for these in (np.ones_like(errors, dtype=bool), *(kinds == kind for kind in ordered)):
+        known = telling(np.where(these, errors, np.inf))
+        members = two_groups(inertia, np.where(these, errors, np.inf))
         if members is not None:
-            cut = 0.5 * (inertia[members].min() + inertia[(kinds == kind) & ~members & np.isfinite(errors)].max())
-            return np.where(kinds == kind, members, np.isfinite(errors) & (inertia > cut))
+            upper, lower = inertia[known & members], inertia[known & ~members]
+            cut = 0.5 * float(upper.min() + lower.max())
+            sorted_too = np.where(these, members, np.isfinite(errors) & (inertia > cut))
+            return sorted_too, float(np.median(upper) - np.median(lower))
     return None
 
 
 def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     laws = [spec for spec in PAYLOADS if spec.possible(problem) is None]
-    inertia, errors = run_steps(stage, "load_inertia")
-    members = loaded(problem, inertia, errors) if laws else None
-    if members is None:
+    found = loaded(problem, *run_steps(stage, "load_inertia")) if laws else None
+    if found is None:
         return ()
-    known = telling(errors)
-    step = float(np.median(inertia[members & known]) - np.median(inertia[~members & known]))
+    members, step = found
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
     size = step * float(theta[problem.base.names.index("load_inertia")])
     fullest = laws[-1]
