@@ -2,8 +2,9 @@
 
 The residual of output j in a run is r = d e. e is an autoregressive process of order <= 12 (BIC); d grows with the
 signal's envelope, d^2 = 1 + (kappa env / sigma)^2, so that what a law of the right name but the wrong form leaves
-behind counts as relative error and not as a thousand sigma of sensor noise. On top of it hits scatter in gain and in
-timing: that part is per run, of rank two, and lives in ``whiten``.
+behind counts as relative error and not as a thousand sigma of sensor noise. Of an angle that an observer follows, kappa is
+that of the innovation: the residual itself is what the observer lets go, slow and as large as the motion. On top of
+it hits scatter in gain and in timing: that part is per run, of rank two, and lives in ``whiten``.
 """
 
 from __future__ import annotations
@@ -225,14 +226,15 @@ def block_noise(
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
     if not coloured:
         marginal, kappa = _relative_error(segments, envelopes, floor)
-        return _shaped(
-            _scaled(segments, envelopes, kappa / marginal), [], filters, floor, max_order, kappa / marginal
-        )
+        ratio = kappa / marginal
+        return _shaped(_scaled(segments, envelopes, ratio), [], filters, floor, max_order, ratio)
     signal = [least * dynamic_part(o) for o in outputs]  # what no model is closer to, in the colour of the motion
     shape = _shaped(segments, signal, filters, floor, max_order, 0.0)
-    innovations = [lfilter(shape.ar, [1.0], s)[len(shape.ar) :] for s in _through(shape.ringing, segments)]
-    shorter = [e[len(shape.ar) :] for e in envelopes]
-    marginal, kappa = _relative_error(innovations, shorter, 1e-3 * shape.sigma)
+    skipped = len(shape.ar)
+    if all(len(s) <= skipped for s in segments):
+        return shape
+    innovations = [lfilter(shape.ar, [1.0], s)[skipped:] for s in _through(shape.ringing, segments)]
+    marginal, kappa = _relative_error(innovations, [e[skipped:] for e in envelopes], 1e-3 * shape.sigma)
     ratio = kappa / marginal
     d = [math.sqrt(1.0 + (ratio * dynamic_level(o)) ** 2) for o in outputs]
     signal = [x / d_run for x, d_run in zip(signal, d, strict=True)]
