@@ -37,7 +37,7 @@ class ChannelError:
         error: RMS(recorded - predicted) over RMS(recorded), or over RMS(recorded - first value) for angles.
         floor: The same for a perfect model; ``nan`` where it is not known.
         apart: The error once a hit's own gain and time are taken off, within three standard deviations of their
-            scatter; ``error`` for anything but hits.
+            scatter; ``error`` for anything but hits, ``nan`` where it was not asked for.
     """
 
     run: str

@@ -65,7 +65,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
         errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
         told = [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
-        return mean_error(errors), [replace(e, error=min(e.apart, LOST)) for e in told]
+        own = [e.apart if math.isfinite(e.apart) else e.error for e in told]
+        return mean_error(errors), [replace(e, error=min(x, LOST)) for e, x in zip(told, own, strict=True)]
 
     of_base = error(base)
 
