@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
-from jointscope.diagnosis.whiten import is_hit
+from jointscope.diagnosis.whiten import departure_columns, is_hit, least_scatter, within_scatter
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -90,13 +90,9 @@ def without_own_scatter(
     recorded: Vector, predicted: Vector, scored: NDArray[np.bool_], rate: float, noise: NoiseModel
 ) -> Vector:
     """The prediction with the gain and the time that this hit seems to have had, by its ``scored`` samples."""
-    departure = predicted - predicted[0]
-    columns = np.stack([departure, np.gradient(departure) * rate], axis=1)
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0.0] = 1.0
-    own = np.linalg.lstsq(columns[scored] / size, (recorded - predicted)[scored], rcond=1e-8)[0] / size
-    limit = 3.0 * np.array([noise.gain, noise.timing])
-    return np.asarray(predicted + columns @ np.clip(own, -limit, limit))
+    columns = departure_columns(predicted, rate)
+    own = least_scatter(columns[scored], (recorded - predicted)[scored])
+    return np.asarray(predicted + columns @ within_scatter(own, noise))
 
 
 def channel_errors(

@@ -141,8 +141,7 @@ def without_scatter(
     if not is_hit(run):
         return residuals
     gain, shift = own_scatter(run, predicted, bare)
-    limit = 3.0 * np.array([noise.gain, noise.timing])
-    own = np.clip([gain, shift], -limit, limit)
+    own = within_scatter(np.array([gain, shift]), noise)
     return [r - c @ own for r, c in zip(residuals, scatter_columns(run, predicted), strict=True)]
 
 
@@ -150,10 +149,21 @@ def own_scatter(run: PreparedRun, predicted: Sequence[Vector], bare: RunWhitener
     """Least-squares gain [-] and time [s] of one hit."""
     w = bare.filter([o.data - y for o, y in zip(run.outputs, predicted, strict=True)])
     u = bare.filter(scatter_columns(run, predicted))
-    size = np.linalg.norm(u, axis=0)
-    size[size == 0.0] = 1.0
-    gain, shift = np.linalg.lstsq(u / size, w, rcond=1e-8)[0][:, 0] / size
+    gain, shift = least_scatter(u, w[:, 0])
     return float(gain), float(shift)
+
+
+def least_scatter(columns: NDArray[np.float64], left: Vector) -> Vector:
+    """Least-squares (gain [-], time [s]) of one hit from its :func:`departure_columns`, shape (2,)."""
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(columns / size, left, rcond=1e-8)[0] / size)
+
+
+def within_scatter(own: Vector, noise: NoiseModel) -> Vector:
+    """A hit's (gain, time) within three standard deviations of their scatter, shape (2,)."""
+    limit = 3.0 * np.array([noise.gain, noise.timing])
+    return np.clip(own, -limit, limit)
 
 
 def is_hit(run: PreparedRun) -> bool:
@@ -166,11 +176,13 @@ def is_hit(run: PreparedRun) -> bool:
 
 def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArray[np.float64]]:
     """[y, dy/dt] of each output, y counted from its first sample, shapes (n, 2)."""
-    columns = []
-    for output, y in zip(run.outputs, predicted, strict=True):
-        departure = y - y[0]
-        columns.append(np.stack([departure, np.gradient(departure) * output.rate], axis=1))
-    return columns
+    return [departure_columns(y, output.rate) for output, y in zip(run.outputs, predicted, strict=True)]
+
+
+def departure_columns(y: Vector, rate: float) -> NDArray[np.float64]:
+    """[y, dy/dt], y counted from its first sample, shape (n, 2): what a hit's gain and time multiply."""
+    departure = y - y[0]
+    return np.stack([departure, np.gradient(departure) * rate], axis=1)
 
 
 def _bare(run: PreparedRun, blocks: Sequence[BlockNoise], scales: Sequence[float]) -> RunWhitener:

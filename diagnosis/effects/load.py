@@ -75,9 +75,9 @@ def _payload_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 def _reach(problem: Problem) -> float:
-    """How far out [m] the rig's sensors, its hammer and its arm's centre of mass are."""
+    """How far out [m] the rig's sensors and its arm's centre of mass are; 1 where neither is known."""
     radii = [o.radius for run in problem.runs for o in run.outputs if o.radius]
-    return max([*radii, problem.rig.arm_com_radius or 0.0], default=0.0) or 1.0
+    return max([*radii, problem.rig.arm_com_radius or 0.0]) or 1.0
 
 
 def _several_runs(problem: Problem) -> str | None:
