@@ -3,11 +3,13 @@
 The log's white noise is taken off as well as can be (``input_estimate``), never wholly: what remains drives the model and
 not the joint, and rings at the joint's resonance. Its size is found by doing it again: noise of the same size is put onto
 the torque as estimated, taken off once more, and what both torques make the model do is compared (parametric bootstrap,
-Efron and Tibshirani 1993, section 6.5).
+Efron and Tibshirani 1993, section 6.5). An effect follows an echo only as far as the echo lies along what the effect
+changes, which is found from some further noises.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -27,15 +29,17 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
+AGAIN = 8  # further noises, each run's its own
+ALIGNED = 12.5  # half the square of five standard deviations: an effect that was sought among many follows that much
 
 
-def noisy_again(run: PreparedRun) -> PreparedRun:
+def noisy_again(run: PreparedRun, *turn: int) -> PreparedRun:
     """The run as another log of the same torque would drive it; unchanged where nothing is logged."""
     motor = run.motor
     if motor is None:
         return run
     rate, start = motor.signal.rate, motor.signal.start
-    noise = motor.noise * np.random.default_rng(SEED).standard_normal(motor.samples.size)
+    noise = motor.noise * np.random.default_rng([SEED, *turn] if turn else SEED).standard_normal(motor.samples.size)
     samples = estimated_input(motor.samples + noise, rate)
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     error = bandlimited(samples - motor.samples, rate, start)(half)
@@ -51,10 +55,32 @@ class Echo:
         energies: Per experiment and channel, over the scored samples [the outputs' units squared].
         nats: Per experiment, half its whitened energy: what a model that follows it gains at most; empty where the
             runs were not whitened.
+        again: Per run, what ``AGAIN`` further noises do, whitened, shape (AGAIN, n); without rows where no log drives it.
     """
 
     energies: dict[Kind, float]
     nats: dict[str, float]
+    again: tuple[Vector, ...] = ()
+
+    def along(self, runs: Sequence[PreparedRun], changes: Sequence[Vector]) -> dict[str, float]:
+        """Nats per experiment that an effect gains at most from such an echo, by what it changes.
+
+        Args:
+            runs: As the echo was found in.
+            changes: Per run, what the effect changes, whitened, shape (n,).
+        """
+        dots: dict[str, Vector] = {}
+        sizes: dict[str, float] = {}
+        for run, echo, change in zip(runs, self.again, changes, strict=False):
+            if len(echo):
+                name = run.run.experiment
+                dots[name] = dots.get(name, np.zeros(len(echo))) + echo @ change
+                sizes[name] = sizes.get(name, 0.0) + float(change @ change)
+        return {
+            name: ALIGNED * float(np.mean(np.square(dot))) / sizes[name]
+            for name, dot in dots.items()
+            if sizes[name] > 0.0
+        }
 
 
 def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Echo:
@@ -79,4 +105,28 @@ def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...
         if finite and objective.whiteners:
             w = objective.whiteners[i](finite)
             nats[run.run.experiment] = nats.get(run.run.experiment, 0.0) + 0.5 * float(np.sum(np.square(w)))
-    return Echo(energies, nats)
+    return Echo(energies, nats, _again(objective, theta, effects) if objective.whiteners else ())
+
+
+def _again(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> tuple[Vector, ...]:
+    """What further noises of the logs do, whitened: per run of ``objective``, shape (AGAIN or 0, n)."""
+
+    def predicted(task: tuple[PreparedRun, int]) -> list[Vector]:
+        run, turn = task
+        driven = noisy_again(run, turn, run.index) if turn else run
+        found = objective.predict(driven, theta, effects, objective.problem)
+        return [np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in found]
+
+    driven = {
+        i: run for i, run in enumerate(objective.prepared) if run.motor is not None and run.motor.noise > 0.0
+    }
+    tasks = [(run, turn) for run in driven.values() for turn in range(AGAIN + 1)]
+    results = iter(objective.map(predicted, tasks))
+    found = []
+    for i, whitener in enumerate(objective.whiteners):
+        if i not in driven:
+            found.append(np.zeros((0, sum(whitener.sizes))))
+            continue
+        still, *noisy = (next(results) for _ in range(AGAIN + 1))
+        found.append(np.stack([whitener([b - a for a, b in zip(still, y, strict=True)])[:, 0] for y in noisy]))
+    return tuple(found)

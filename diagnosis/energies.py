@@ -62,17 +62,24 @@ def improvement(
     return best
 
 
-def drowned(echo: Echo, before: Energies, after: Energies, gained: Mapping[str, float]) -> set[str]:
+def drowned(
+    echo: Echo, before: Energies, after: Energies, gained: Mapping[str, float], along: Mapping[str, float]
+) -> set[str]:
     """Experiments in which all that is explained is no more than the echo of a log's noise.
 
     More is explained where a channel's error falls by more than the echo's energy, or where the likelihood gains more
-    than following all of the echo would (``gained``, per experiment [nats]): an angle's echo is slow, and large.
+    than following all of the echo would, or all that lies along what is explained (``gained`` and ``along``, per
+    experiment [nats]): an angle's echo is slow, and large.
     """
     above: dict[str, bool] = {}
     for key, energy in echo.energies.items():
         experiment = str(key[0])
         above[experiment] = above.get(experiment, False) or before[key][0] - after[key][0] > energy
-    loud = {name for name, nats in gained.items() if nats > echo.nats.get(name, math.inf)}
+    loud = {
+        name
+        for name, nats in gained.items()
+        if nats > min(echo.nats.get(name, math.inf), along.get(name, math.inf))
+    }
     return {experiment for experiment, found in above.items() if not found} - loud
 
 

@@ -86,7 +86,7 @@ class Comparison:
 
     @property
     def stands(self) -> bool:
-        """Real, carried over and material."""
+        """Real, carried over, and material or there beyond doubt."""
         held = 0.0 if math.isnan(self.held_gain) else self.held_gain
         much = self.gain + held > IN_EVIDENCE * self.parent_gain
         needed = SHARES[min(self.parents, len(SHARES) - 1)]
@@ -95,7 +95,7 @@ class Comparison:
         return (
             self.real
             and self.carries_over
-            and self.material > MATERIAL
+            and (self.material > MATERIAL or self.evident)
             and (self.share > needed or much or both or nearly_all)
         )
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 SLOWEST = 1e-3  # of the top speed, below which a Stribeck speed is not told from sticking
 LARGER = 1.08  # breakaway over sliding friction, from which it is a Stribeck friction
+LARGEST = 5.0  # of the sliding friction, beyond which a breakaway is another law's
 
 
 def _blocks(location: str) -> tuple[int, int]:
@@ -74,8 +75,11 @@ def top_speed(problem: Problem, location: str) -> float:
 
 
 def breaks_away(values: Values) -> bool:
-    """Whether the breakaway is above the sliding friction by more than the form of Coulomb's law leaves open."""
-    return values[1] > LARGER * values[0]
+    """Whether the breakaway is above the sliding friction by more than the form of Coulomb's law leaves open.
+
+    And by no more than dry friction's is: twice in most contacts.
+    """
+    return LARGER * values[0] < values[1] < LARGEST * values[0]
 
 
 def excess(torque: float, breakaway: float) -> float:

@@ -209,13 +209,24 @@ def _share_sizes(problem: Problem) -> tuple[float, float, float]:
 
 
 _FREQUENCY = ParameterSpec("frequency", "Hz", 0.5, 5e3, log=True)
-_ZETA = ParameterSpec("damping", "1", 5e-4, 0.2, log=True)  # more is no mode
+_BROADEST = 0.2  # more is no mode
+_ZETA = ParameterSpec("damping", "1", 5e-4, _BROADEST, log=True)
 _INERTIA = ParameterSpec("inertia", "kg m^2", 0.0, 1e9, null=0.0)
 _MODES = ("link-flexibility", "base-compliance", "neighbour-flexibility", "sensor-resonance")
 
 
 def _shape(name: str) -> ParameterSpec:
     return ParameterSpec(name, "1", -8.0, 8.0)
+
+
+def _alike(name: str) -> tuple[str, ...]:
+    """Names of the other modes, and of the loss that a broad one resembles."""
+    return (*(other for other in _MODES if other != name), "structural-damping")
+
+
+def _is_a_mode(values: Values) -> bool:
+    """Whether the damping is not as large as a search may make it: it is a loss then, or another mode's."""
+    return values[2] < 0.99 * _BROADEST
 
 
 _NEAR: tuple[tuple[str, Location], ...] = (
@@ -303,7 +314,8 @@ SPECS: tuple[EffectSpec, ...] = (
             parameters=(_FREQUENCY, ParameterSpec("modal_share", "1", 0.0, upper, null=0.0), _ZETA),
             law=law,
             revealed_by=("hammer", "torque-sweep"),
-            look_alikes=tuple(other for other in _MODES if other != name),
+            look_alikes=_alike(name),
+            sensible=_is_a_mode,
             apply=apply,
             scale=_share_sizes,
             starts=_grid(0.15, 5.0),
@@ -329,7 +341,8 @@ SPECS: tuple[EffectSpec, ...] = (
             parameters=(_FREQUENCY, ParameterSpec("modal_share", "1", 0.0, 5.0, null=0.0), _ZETA, lever),
             law=law,
             revealed_by=("hammer", "torque-sweep"),
-            look_alikes=tuple(other for other in _MODES if other != name),
+            look_alikes=_alike(name),
+            sensible=_is_a_mode,
             apply=apply,
             scale=_share_sizes,
             starts=_lever_starts(0.15, 5.0, share),

@@ -89,7 +89,7 @@ def _specs() -> tuple[EffectSpec, ...]:
         variant="carrier-turned",
         parameters=(*mount.parameters, kappa),
         law="a neighbour that carries the joint turns about a parallel axis, which lies differently in each posture",
-        look_alikes=("link-flexibility", "base-compliance", "sensor-resonance"),
+        look_alikes=("link-flexibility", "base-compliance", "sensor-resonance", "structural-damping"),
         starts=lambda problem: tuple((*start, 0.5) for start in mount.starts(problem)[::7]),
         residual_starts=None,
     )

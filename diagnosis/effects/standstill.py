@@ -5,7 +5,7 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
     T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
 
-Each is the sharp law of ``friction`` with one parameter more.
+Each is the sharp law of ``friction`` with one parameter more; with presliding too g may have the factor 1 +- asymmetry.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     Limits,
     ParameterSpec,
+    Possible,
     Starts,
     Values,
     needs_motor,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 
+SHORT = 0.02  # of the wind-up, over which friction builds up that is no hysteresis of a spring
 STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
 
 _ROUND_M = (
@@ -89,7 +91,8 @@ def _rounding_limits(sharp: EffectSpec) -> Limits:
 
 def _presliding(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values
+        assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values[:2]
+        assembly.P[kernel.PRE_SIDED] = values[2] if len(values) > 2 else 0.0
         assembly.S[kernel.PRE_SITE] = kernel.AT_MOTOR if location == "motor" else kernel.AT_LOAD
 
     return apply
@@ -97,8 +100,8 @@ def _presliding(location: str) -> Apply:
 
 def _bristles(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, breakaway, speed, angle = values
-        _presliding(location)(assembly, (torque, angle), weight)
+        torque, breakaway, speed, *build_up = values
+        _presliding(location)(assembly, (torque, *build_up), weight)
         assembly.P[kernel.PRE_EXCESS] = excess(torque, breakaway)
         assembly.P[kernel.PRE_SPEED] = speed
 
@@ -106,22 +109,31 @@ def _bristles(location: str) -> Apply:
 
 
 def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
-    return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in (0.03, 0.15))
+    shares = (0.2 * SHORT, 0.7 * SHORT) if held(problem) else (0.03, 0.15)
+    return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in shares)
 
 
 def _presliding_limits(sharp: EffectSpec) -> Limits:
     def limits(problem: Problem) -> dict[str, tuple[float, float]]:
         wind_up = max(problem.scales.wind_up, 1e-9)
-        return {**sharp.limits(problem), "presliding": (1e-3 * wind_up, 3.0 * wind_up)}
+        longest = SHORT if held(problem) else 3.0
+        return {**sharp.limits(problem), "presliding": (1e-3 * wind_up, longest * wind_up)}
 
     return limits
 
 
-def _elastic_and_moving(problem: Problem) -> str | None:
-    """With the motor held it is the transmission's hysteresis, and there it is looked for."""
-    if not any(run.spring for run in problem.runs):
-        return "the rig has no elastic transmission"
-    return needs_motor(problem)
+def held(problem: Problem) -> bool:
+    """Whether the motor never moves: friction at the arm is then parallel to the transmission's own hysteresis."""
+    return all(run.mode == "braked" for run in problem.runs)
+
+
+def _elastic(location: str) -> Possible:
+    def reason(problem: Problem) -> str | None:
+        if not any(run.spring for run in problem.runs):
+            return "the rig has no elastic transmission"
+        return needs_motor(problem) if location == "motor" else None
+
+    return reason
 
 
 _ROUNDING = ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
@@ -157,7 +169,7 @@ def _presliding_coulomb(sharp: EffectSpec) -> EffectSpec:
         apply=_presliding(sharp.location),
         decades=0,
         starts=_presliding_angles,
-        possible=_elastic_and_moving,
+        possible=_elastic(sharp.location),
         limits=_presliding_limits(sharp),
     )
 
@@ -173,7 +185,7 @@ def _stribeck_on_bristles(sharp: EffectSpec) -> EffectSpec:
         starts=lambda problem: tuple(
             (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in _presliding_angles(problem)
         ),
-        possible=_elastic_and_moving,
+        possible=_elastic(sharp.location),
         limits=_presliding_limits(sharp),
     )
 
@@ -193,6 +205,17 @@ def _rounded_stribeck_of(sharp: EffectSpec) -> EffectSpec:
     )
 
 
+def _sided_bristles(even: EffectSpec) -> EffectSpec:
+    """Friction with presliding that is unlike in the two directions; fitted from where the even one was found."""
+    return replace(
+        even,
+        variant=f"{even.variant}-asymmetric",
+        parameters=(*even.parameters, friction.ASYMMETRY),
+        law=f"{even.law}, the end of it (1 +- asymmetry) as high",
+        starts=lambda problem: tuple((*start, 0.0) for start in even.starts(problem)[:1]),
+    )
+
+
 def _sided(rounded: EffectSpec) -> EffectSpec:
     """The same, unlike in the two directions; fitted from where the even one was found, so one start is enough."""
     return replace(
@@ -209,14 +232,18 @@ _PLAIN, _ASYMMETRIC, _GAUSSIAN = (
     for variant in ("plain", "asymmetric", "gaussian")
 )
 
+_DAHL = tuple(_presliding_coulomb(sharp) for sharp in _PLAIN)
+_BRISTLES = tuple(_stribeck_on_bristles(sharp) for sharp in _GAUSSIAN)
 _ROUNDED = tuple(_rounded_stribeck_of(sharp) for sharp in _GAUSSIAN)
 
 COULOMB: tuple[EffectSpec, ...] = (
     *(_rounded_coulomb(sharp) for sharp in (*_PLAIN, *_ASYMMETRIC)),
-    *(_presliding_coulomb(sharp) for sharp in _PLAIN),
+    *_DAHL,
+    *(_sided_bristles(even) for even in _DAHL),
 )
 STRIBECK: tuple[EffectSpec, ...] = (
-    *(_stribeck_on_bristles(sharp) for sharp in _GAUSSIAN),
+    *_BRISTLES,
+    *(_sided_bristles(even) for even in _BRISTLES),
     *_ROUNDED,
     *(_sided(rounded) for rounded in _ROUNDED),
 )

@@ -40,7 +40,8 @@ def hysteresis(z: float, d: float, y: float, kind: int) -> float:
 def bristle(z: float, d: float, v: float, P: Real) -> float:
     """Dry friction over PRE_TORQUE after a travel ``d`` at speed ``v`` from the state ``z``: built up over PRE_ANGLE.
 
-    dz/dq = (1 - z s/g(v)) / y, g = 1 + PRE_EXCESS exp(-(v/PRE_SPEED)^2): Dahl's law, with a breakaway LuGre's.
+    dz/dq = (1 - z s/g(v)) / y, g = (1 + s PRE_SIDED) (1 + PRE_EXCESS exp(-(v/PRE_SPEED)^2)): Dahl's law, with a
+    breakaway LuGre's.
     """
     if d == 0.0:
         return z
@@ -48,6 +49,7 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
     if P[PRE_EXCESS] != 0.0:
         r = v / P[PRE_SPEED]
         level += P[PRE_EXCESS] * math.exp(-r * r)
+    level *= 1.0 + P[PRE_SIDED] if d > 0.0 else 1.0 - P[PRE_SIDED]
     end = level if d > 0.0 else -level
     return end + (z - end) * math.exp(-abs(d) / (P[PRE_ANGLE] * level))
 

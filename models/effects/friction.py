@@ -2,7 +2,7 @@ r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damp
 
 T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
 b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the speed, exactly
-dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y
+dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y, g unlike in the two directions
 T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e): a table over the speed
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
@@ -26,8 +26,8 @@ def coulomb(building: Building, location: str, variant: str, p: Parameters) -> s
     if variant.startswith("rounded"):
         _creeping(building, location, torque, p["rounding"], 0.0, p["rounding"], asymmetry)
         return ""
-    if variant == "presliding":
-        _bristles(building, location, torque, p["presliding"], 0.0, 1.0)
+    if variant.startswith("presliding"):
+        _bristles(building, location, p, 0.0, 1.0)
         return ""
     building.rub(location, torque, asymmetry * torque)
     if p.get("viscous_asymmetry", 0.0):
@@ -41,9 +41,9 @@ def coulomb(building: Building, location: str, variant: str, p: Parameters) -> s
 def stribeck(building: Building, location: str, variant: str, p: Parameters) -> str:
     """Breakaway above the sliding friction, falling with speed."""
     torque = p["torque"]
-    if variant == "bristles":
+    if variant.startswith("bristles"):
         excess = max(p["breakaway"] / torque - 1.0, 0.0)
-        _bristles(building, location, torque, p["presliding"], excess, p["stribeck_velocity"])
+        _bristles(building, location, p, excess, p["stribeck_velocity"])
         return ""
     if variant.startswith("rounded"):
         excess, sided = max(p["breakaway"] / torque - 1.0, 0.0), p.get("asymmetry", 0.0)
@@ -76,9 +76,9 @@ def _creeping(
     building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(force))
 
 
-def _bristles(building: Building, location: str, torque: float, angle: float, excess: float, speed: float) -> None:
-    at = "load" if building.single else location
-    building.law("bristles", at=at, torque=torque, angle=angle, excess=excess, speed=speed)
+def _bristles(building: Building, location: str, p: Parameters, excess: float, speed: float) -> None:
+    at, angle, sided = "load" if building.single else location, p["presliding"], p.get("asymmetry", 0.0)
+    building.law("bristles", at=at, torque=p["torque"], angle=angle, excess=excess, speed=speed, sided=sided)
 
 
 def load_dependent(building: Building, location: str, variant: str, p: Parameters) -> str:

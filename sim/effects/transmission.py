@@ -76,11 +76,14 @@ def hysteresis(law: Law) -> Part:
 
 
 def bristles(law: Law) -> Part:
-    """T z with the travel over ``angle``: z' = 1 - s z/g, g = 1 + excess exp(-(v/speed)^2): LuGre without its damping."""
-    excess, speed = float(law["excess"]), float(law["speed"])
+    """T z with the travel over ``angle``: z' = 1 - s z/g, g = (1 + s sided) (1 + excess exp(-(v/speed)^2)).
+
+    LuGre without its damping.
+    """
+    excess, speed, sided = float(law["excess"]), float(law["speed"]), float(law.get("sided", 0.0))
 
     def follow(z: float, travel: float, rate: float) -> float:
-        g = 1.0 + excess * math.exp(-((rate / speed) ** 2))
+        g = (1.0 + math.copysign(sided, travel)) * (1.0 + excess * math.exp(-((rate / speed) ** 2)))
         return g * _dahl(z / g, travel / g)
 
     return _by_travel(law, follow)

@@ -92,5 +92,23 @@ def test_gains_of_runs_that_only_follow_an_echo_do_not_count(echo, nats, counted
     runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=e)) for e in (KEY[0], KEY[0], "hammer"))
     gains = np.array([7.0, -2.0, 9.0])
     heard_of = Echo({KEY: echo}, {KEY[0]: nats})
-    silent = drowned(heard_of, {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}, by_experiment(gains, runs))
+    silent = drowned(heard_of, {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}, by_experiment(gains, runs), {})
     np.testing.assert_array_equal(heard(gains, runs, silent), counted)
+
+
+def test_an_effect_follows_only_the_echo_that_lies_along_it():
+    """A large echo in one direction is nothing to an effect that changes another one."""
+    runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=KEY[0])) for _ in range(2))
+    rng = np.random.default_rng(8)
+    echo = np.zeros((8, 50))
+    echo[:, 0], echo[:, 1] = 30.0 * rng.standard_normal(8), 0.5 * rng.standard_normal(8)
+    heard_of = Echo({KEY: 2.0}, {KEY[0]: 900.0}, (echo, echo[::-1]))
+    with_it, across = np.eye(50)[0], np.eye(50)[1]
+    assert heard_of.along(runs, [7.0 * with_it, with_it])[KEY[0]] > 900.0
+    most = heard_of.along(runs, [7.0 * across, across])
+    assert most[KEY[0]] < 12.5 * 4.0 * 0.25
+    gains = {KEY[0]: 60.0}
+    before, after = {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}
+    assert drowned(heard_of, before, after, gains, most) == set()
+    assert drowned(heard_of, before, after, gains, {KEY[0]: 2000.0}) == {KEY[0]}
+    assert heard_of.along(runs, [np.zeros(50), np.zeros(50)]) == {}
