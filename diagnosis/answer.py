@@ -19,6 +19,7 @@ from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
 from jointscope.diagnosis.remainder import remainder_json
 from jointscope.diagnosis.twins import told_by_frequency
+from jointscope.diagnosis.verdict import resembled
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.pipeline import Diagnosis
@@ -206,6 +207,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "ranking": [
             {"effects": list(r.names), "probability": round(r.probability, 6), "score": round(r.score, 3)}
             for r in decision.ranking[:20]
+            if resembled(r.judged) is None
         ],
         "where": where_json(diagnosis),
         "held_out": held_out,
@@ -231,6 +233,9 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         },
         "findings": list(problem.findings),
     }
+    stranger = resembled(decision.ranking[0].judged)
+    if decision.verdict == "unknown" and stranger is not None:
+        answer["resembles"] = {"law": stranger.law, "location": stranger.location}
     if decision.candidates:
         answer["candidates"] = [list(names) for names in decision.candidates]
     if held_out is None:
@@ -290,7 +295,9 @@ def where_json(diagnosis: Diagnosis) -> dict[str, Any] | None:
         location = locations[0]
     else:
         candidates = {name.split("@")[1] for names in decision.candidates for name in names}
+        stranger = resembled(decision.ranking[0].judged)
         location = candidates.pop() if len(candidates) == 1 else diagnosis.places.location
+        location = location if stranger is None else stranger.location
     depends = list(dict.fromkeys(d for name in names for d in DEPENDS.get(name, ())))
     if decision.unknown_reason == "outside-catalogue":
         depends = [spec.variant for spec in specs if spec.name == "latent-law"]

@@ -17,6 +17,8 @@ AS_FORETOLD = 0.3  # and over what a true child would gain there
 AGREES = 0.7  # of what was foretold, with which nothing in proportion is asked: not all runs show an effect alike
 TELLING = 15.0  # nats that must be foretold for that
 HELD = 3.0  # nats that held-out runs must gain at least
+LOSING_MOST = 0.1  # the same where most held-out runs lose
+TOO_MUCH = 3.5  # times what was foretold, gained on the held-out runs: an effect of one size can't
 LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain, or due
 MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
 SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
@@ -82,7 +84,9 @@ class Comparison:
         agrees = self.foretold_held > TELLING and self.held_gain > AGREES * self.foretold_held
         proportion = 0.0 if agrees else CARRIES_OVER * self.expected_held
         enough = max(HELD, proportion, AS_FORETOLD * self.foretold_held)
-        return self.held_gain > enough and self.lost < LOSING * due
+        losing = LOSING if self.share_of_runs >= 0.5 else LOSING_MOST
+        much = self.foretold_held > TELLING and self.held_gain > TOO_MUCH * self.foretold_held
+        return self.held_gain > enough and self.lost < losing * due and not much
 
     @property
     def stands(self) -> bool:

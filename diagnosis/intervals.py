@@ -2,7 +2,9 @@
 
 The curvature's covariance (J'J)^-1 holds where the model is right. Where a law is only nearly right its misfit repeats
 from run to run, so the sandwich A^-1 (sum_i g_i g_i') A^-1 with one gradient g_i per run (White 1982; Liang and Zeger
-1986) stands beside it.
+1986) stands beside it. Neither knows that a law of the right name may have another form in nature, which moves its size
+by the same amount in every run: of an effect the standard error is stretched, and a share of the size added to it
+(``STRETCH``, ``FORM``), as concealed effects asked for.
 """
 
 from __future__ import annotations
@@ -13,10 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from jointscope.diagnosis.coordinates import Coordinates
+from jointscope.diagnosis.effects import EffectSpec, ParameterSpec
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.refit import Fit, covariance
 
 Vector = NDArray[np.float64]
+
+STRETCH = 1.5  # of an effect's standard error: on 40 concealed textbook laws 25 of the 90 % intervals covered without
+FORM = 0.02  # of the size of a law that nature knows in several forms
+FORM_OF_EXACT = 0.005  # and of a delay, a weight, a gain
+_PLACES = ("Hz", "rad/s")  # of a mode or a line: where it is does not depend on the form
 
 
 @dataclass(frozen=True)
@@ -49,10 +58,30 @@ def standard_errors(objective: Objective, fit: Fit) -> tuple[Vector, float]:
     return np.maximum(curvature, sandwich), float(max(runs - 2, 2))
 
 
+def form_of(spec: EffectSpec, parameter: ParameterSpec) -> float:
+    """Share of a parameter's size by which a law's form may move it."""
+    is_size = parameter.null in (0.0, 1.0) or parameter.log
+    if not is_size or parameter.unit in _PLACES or parameter.name == "order":
+        return 0.0
+    return FORM_OF_EXACT if spec.exact else FORM
+
+
+def with_form(where: Coordinates, x: Vector, errors: Vector) -> Vector:
+    """Standard errors of the coordinates ``x``, shape (n,), with what the effects' forms leave open."""
+    found = errors.copy()
+    for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
+        for i, parameter in zip(range(rows.start, rows.stop), spec.parameters, strict=True):
+            null = 0.0 if parameter.null is None else parameter.null / where.scale[i]
+            size = 1.0 if where.logarithm[i] else abs(x[i] - null)
+            found[i] = np.hypot(STRETCH * errors[i], form_of(spec, parameter) * size)
+    return found
+
+
 def estimates(objective: Objective, fit: Fit) -> tuple[Estimate, ...]:
     """Every coordinate of the fit as a physical value with its 95 % interval; bounds limit the interval."""
     where = fit.coordinates
     errors, freedom = standard_errors(objective, fit)
+    errors = with_form(where, fit.x, errors)
     reach = float(student.ppf(0.975, freedom)) * errors
     low, high = np.maximum(fit.x - reach, where.lower), np.minimum(fit.x + reach, where.upper)
 

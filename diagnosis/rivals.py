@@ -24,6 +24,7 @@ from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
     at_own_size,
+    candidates_for,
     fit_child,
     name_of,
     names_of,
@@ -88,6 +89,22 @@ def rivals(
             active = _telling(objective, without(objective, leader.fit, place.position), trials)
             done.add(names_of((*place.kept, active.spec)))
             found.extend(_in_place(objective, base, place, active, effort))
+    return found
+
+
+def strangers(
+    objective: Objective, base: Fit, leader: Hypothesis, specs: Sequence[EffectSpec], effort: Effort
+) -> list[Hypothesis]:
+    """Fit each law outside the contract's table in place of the whole leading set."""
+    found: list[Hypothesis] = []
+    theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    place = _Place(0, leader.specs[0], effects[0], (), (), theta)
+    for spec in specs:
+        trials = candidates_for(objective.problem, (spec,))
+        if spec.family == "periodic":
+            trials = [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
+        if trials:
+            found.extend(_in_place(objective, base, place, _telling(objective, base, trials), effort))
     return found
 
 

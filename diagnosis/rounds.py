@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
+from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
-from jointscope.diagnosis.rivals import grown, reshaped, rivals
+from jointscope.diagnosis.rivals import grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
@@ -199,4 +200,6 @@ def explore(
             break
         report(f"fitting sets of {size}")
         pairs = extend(arena.objective, best, screening, effort)
-    return screening, arena.hypotheses
+    outside = [at_rig(spec, problem) for spec in STRANGERS]
+    found = strangers(arena.objective, arena.base.fit, arena.hypotheses[0], outside, effort)
+    return screening, settled(arena, found, effort).hypotheses if found else arena.hypotheses

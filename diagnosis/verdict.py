@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,11 +13,15 @@ from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
-from jointscope.diagnosis.gates import OF_PARENT, Comparison
+from jointscope.diagnosis.effects import STRANGERS
+from jointscope.diagnosis.gates import HELD, OF_PARENT, Comparison
 from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
 from jointscope.diagnosis.twins import foreknown
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import EffectSpec
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 WRONG_FORM = 0.01  # or this share of the best score, between laws neither of which is nearer the data than ...
@@ -31,6 +35,8 @@ SPARING = (
     -2.5,
     -5.0,
 )  # nats of belief by the number of effects: there are more sets than single effects
+STRANGE = 15.0  # nats by which physics outside the table must lead what the table holds
+OF_LISTED = 0.02  # or this share of its score: a law of the right name may have another form
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.75  # probability of the leading effect below which it is not named alone
 SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in for a look-alike
@@ -123,19 +129,36 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
     return found
 
 
+def resembled(judged: Judged) -> EffectSpec | None:
+    """The law outside the contract's table that a hypothesis consists of, or ``None``."""
+    names = {spec.name for spec in STRANGERS}
+    return next((spec for spec in judged.hypothesis.specs if spec.name in names), None)
+
+
+def _beats(judgement: Judgement, judged: Judged) -> bool:
+    """Whether physics outside the table is real and held-out runs do not object: all it asks for is to name nothing."""
+    if resembled(judged) is None:
+        return False
+    against = compare(judgement, judgement.base, judged)
+    return against.real and not against.held_gain < HELD
+
+
 def rank(judgement: Judgement) -> list[Ranked]:
     """Sets by tempered score, the base among them with score 0."""
     stands = {id(j) for j in standing(judgement)}
     best: dict[tuple[str, ...], tuple[float, Judged]] = {}
     for judged in judgement.judged:
         value = score(judgement, judged) if judged.names else math.log(0.5)
-        if judged.names and id(judged) not in stands:
+        if judged.names and id(judged) not in stands and not _beats(judgement, judged):
             value = min(value, 0.0) - NOT_STANDING
         if judged.names not in best or value > best[judged.names][0]:
             best[judged.names] = (value, judged)
     for names, (value, judged) in list(best.items()):
         if any(contains(judged, other) for _, other in list(best.values()) if other.names):
             best[names] = (value - CONTAINING, judged)
+    for names, (value, judged) in list(best.items()):
+        if resembled(judged) is not None:
+            best[names] = (value - max(STRANGE, OF_LISTED * value), judged)
     for names, (value, judged) in list(best.items()):
         simpler = [
             v for other, (v, _) in best.items() if 0 < len(other) < len(names) and not set(other) < set(names)
@@ -216,6 +239,8 @@ def decide(judgement: Judgement) -> Decision:
             return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)
         sure = top.probability * _beyond(1.0 / max(lack, 1e-9))
         return Decision("none", judgement.base, sure, ranking, None, (), fit)
+    if resembled(top.judged) is not None:
+        return Decision("unknown", judgement.base, top.probability, ranking, "outside-catalogue", (), fit)
     if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT and not _acts_elsewhere(judgement, top, fit):
         sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)

@@ -18,6 +18,7 @@ from jointscope.diagnosis.effects import (
     recorder,
     sensors,
     standstill,
+    strangers,
     transmission,
     vibration,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "LATENT",
     "PAYLOADS",
     "REGISTRY",
+    "STRANGERS",
     "ActiveEffect",
     "EffectSpec",
     "ParameterSpec",
@@ -58,6 +60,8 @@ REGISTRY: tuple[EffectSpec, ...] = (
     *recorder.SPECS,
     *sensors.SPECS,
 )
+
+STRANGERS: tuple[EffectSpec, ...] = strangers.SPECS
 
 _TRANSLATIONAL = (("kg m^2", "kg"), ("N m", "N"), ("rad", "m"))
 

@@ -103,7 +103,9 @@ def _of_the_motor(values: Values) -> bool:
     return abs(values[1] - round(values[1])) < WHOLE
 
 
-def _possible(spring: bool, per_output: bool) -> Possible:
+def possible_line(*, spring: bool, per_output: bool) -> Possible:
+    """Whether the travel shows what returns with every turn of the motor or of the output."""
+
     def possible(problem: Problem) -> str | None:
         reason = needs_motor(problem)
         if reason is None and spring:
@@ -136,9 +138,9 @@ def _ripple_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {"amplitude": (0.0, top), **dict.fromkeys(HARMONICS, (-top, top))}
 
 
-_PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
-_MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fineness=0.03)
-_OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
+PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
+MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fineness=0.03)
+OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
 WHOLE = 0.06  # from a whole number, what an order may be off: the motor's own field returns with every turn
 HARMONICS = ("second_sine", "second_cosine", "third_sine", "third_cosine")  # amplitudes of their own
 PHASES = tuple(k * math.pi / 3.0 for k in range(-2, 4))  # of a line whose order is known and whose phase is not
@@ -151,20 +153,20 @@ _PLAIN: tuple[EffectSpec, ...] = (
             location="transmission",
             variant=variant,
             family="periodic",
-            parameters=(ParameterSpec("amplitude", "rad", 0.0, 1.0, null=0.0), order, _PHASE),
+            parameters=(ParameterSpec("amplitude", "rad", 0.0, 1.0, null=0.0), order, PHASE),
             law="q_s + a sin(order angle + phase)",
             revealed_by=("speed-motion",),
             look_alikes=_LINES[1:],
             apply=_error(per_output),
             scale=_error_sizes,
             starts=_starts(orders),
-            possible=_possible(True, per_output),
+            possible=possible_line(spring=True, per_output=per_output),
             limits=_error_limits,
             residual_starts=_found(per_output, "error"),
         )
         for variant, order, orders, per_output in (
-            ("motor-order", _MOTOR_ORDER, _MOTOR_ORDERS, False),
-            ("output-order", _OUTPUT_ORDER, _OUTPUT_ORDERS, True),
+            ("motor-order", MOTOR_ORDER, _MOTOR_ORDERS, False),
+            ("output-order", OUTPUT_ORDER, _OUTPUT_ORDERS, True),
         )
     ),
     EffectSpec(
@@ -172,14 +174,14 @@ _PLAIN: tuple[EffectSpec, ...] = (
         location="motor",
         variant="cogging",
         family="periodic",
-        parameters=(ParameterSpec("amplitude", "N m", 0.0, 1e9, null=0.0), _MOTOR_ORDER, _PHASE),
+        parameters=(ParameterSpec("amplitude", "N m", 0.0, 1e9, null=0.0), MOTOR_ORDER, PHASE),
         law="tau + a sin(order angle + phase)",
         revealed_by=("speed-motion",),
         look_alikes=(_LINES[0], _LINES[2]),
         apply=_ripple(loaded=False),
         scale=_ripple_sizes,
         starts=_starts(_MOTOR_ORDERS),
-        possible=_possible(False, False),
+        possible=possible_line(spring=False, per_output=False),
         limits=_ripple_limits,
         residual_starts=_found(False, "ripple"),
         sensible=_of_the_motor,
@@ -189,14 +191,14 @@ _PLAIN: tuple[EffectSpec, ...] = (
         location="motor",
         variant="load-proportional",
         family="periodic",
-        parameters=(ParameterSpec("share", "1", 0.0, 0.9, null=0.0), _MOTOR_ORDER, _PHASE),
+        parameters=(ParameterSpec("share", "1", 0.0, 0.9, null=0.0), MOTOR_ORDER, PHASE),
         law="tau (1 + share sin(order angle + phase))",
         revealed_by=("speed-motion",),
         look_alikes=(_LINES[0], _LINES[2]),
         apply=_ripple(loaded=True),
         scale=lambda problem: (0.005, 0.02, 0.08),
         starts=_starts(_MOTOR_ORDERS),
-        possible=_possible(False, False),
+        possible=possible_line(spring=False, per_output=False),
         residual_starts=_found(False, "ripple"),
         sensible=_of_the_motor,
     ),

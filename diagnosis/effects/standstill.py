@@ -49,12 +49,12 @@ def _rounded(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, speed = values[:2]
         assembly.P[at_torque], assembly.P[at_sided] = torque, values[2] if len(values) > 2 else 0.0
-        assembly.P[at_speed] = max(speed, _steepest(assembly, location, torque))
+        assembly.P[at_speed] = max(speed, steepest(assembly, location, torque))
 
     return apply
 
 
-def _steepest(assembly: Assembly, location: str, torque: float) -> float:
+def steepest(assembly: Assembly, location: str, torque: float) -> float:
     """The rounding below which steps of the grid no longer follow [rad/s]: T/(w_e J) is then a rate of the grid's."""
     inertia = assembly.P[kernel.J_M if location == "motor" else kernel.J_L]
     return float(torque / (STEEPEST * inertia * assembly.run.grid_rate))
@@ -65,8 +65,8 @@ def _rounded_stribeck(location: str) -> Apply:
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, breakaway, fall, rounding = values[:4]
-        steepest = _steepest(assembly, location, max(torque, breakaway))
-        assembly.P[at_torque], assembly.P[at_speed] = torque, max(rounding, steepest)
+        slowest = steepest(assembly, location, max(torque, breakaway))
+        assembly.P[at_torque], assembly.P[at_speed] = torque, max(rounding, slowest)
         assembly.P[at_excess], assembly.P[at_fall] = excess(torque, breakaway), fall
         assembly.P[at_sided] = values[4] if len(values) > 4 else 0.0
 

@@ -48,7 +48,7 @@ def simulate(
     """
     modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
     scalar = S[N_X] == 4 + 2 * modes and modes <= 1 and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
-    if not scalar or S[PRE_SITE] != 0:
+    if not scalar or S[PRE_SITE] != 0 or P[PAR_SHARE] != 0.0 or P[RUB] != 0.0:
         simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)

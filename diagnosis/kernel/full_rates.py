@@ -55,8 +55,11 @@ def _rates_source(
     delta = q_s + error - q
     rate = v_s + error_rate - v
 
-    T, contact = elastic(P, delta, 1.0 + P[DRIFT] * t)
-    T += P[C] * contact * rate
+    factor = 1.0 + P[DRIFT] * t
+    if P[PAR_SHARE] != 0.0:
+        factor += P[PAR_SHARE] * math.sin(P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE])
+    T, contact = elastic(P, delta, factor)
+    T += (P[C] * contact + P[RUB] * abs(delta)) * rate
     if P[REID] != 0.0:
         bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
         T += P[REID] * P[K] * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)

@@ -13,7 +13,9 @@ from jointscope.diagnosis.effects import (
     LATENT,
     PAYLOADS,
     REGISTRY,
+    STRANGERS,
     ActiveEffect,
+    at_rig,
     catalogue,
     with_run_weights,
 )
@@ -333,3 +335,33 @@ def test_latent_laws_run(spec, problem, truth):
     size = spec.scale(problem)[2]
     values = tuple(size * math.sin(i) for i in range(9))
     assert all(np.isfinite(y).all() for y in outputs(problem, truth, ActiveEffect(spec, values)))
+
+
+def stranger(problem, name, variant, *values):
+    spec = next(at_rig(s, problem) for s in STRANGERS if (s.name, s.variant) == (name, variant))
+    return ActiveEffect(spec, values)
+
+
+@pytest.mark.parametrize("spec", STRANGERS, ids=lambda s: f"{s.name}/{s.variant}")
+def test_physics_outside_the_table_is_finite_and_moves_something(spec, problem, truth):
+    """At its medium size; none bears the name of an effect of the contract."""
+    assert spec.name not in CONTRACT
+    spec = at_rig(spec, problem)
+    start = list(spec.starts(problem)[0])
+    size = spec.scale(problem)[2] / (10.0 if spec.name == "brake-slip" else 1.0)
+    start.insert(spec.amplitude, size)
+    base, moved = outputs(problem, truth), outputs(problem, truth, ActiveEffect(spec, tuple(start)))
+    assert all(np.isfinite(y).all() for run in moved for y in run)
+    if spec.possible(problem) is None:
+        assert any(
+            np.abs(a - b).max() > 0.0 for x, y in zip(base, moved, strict=True) for a, b in zip(x, y, strict=True)
+        )
+
+
+def test_a_brake_that_never_slips_is_a_held_motor(problem, truth):
+    """Above every torque nothing moves."""
+    base = outputs(problem, truth)
+    held = outputs(problem, truth, stranger(problem, "brake-slip", "dry", 1e3 * problem.scales.torque))
+    for a, b in zip(base, held, strict=True):
+        for x, y in zip(a, b, strict=True):
+            assert np.abs(x - y).max() < 1e-3 * max(np.abs(x).max(), 1e-9)

@@ -1,0 +1,152 @@
+r"""Physics that the diagnosis contract's table does not hold, and that one of its effects would be named for.
+
+    T_S = K (1 + s sin(order angle + phase)) Delta       teeth or rollers that share the load by turns
+    T_S = K Delta + (c + d |Delta|) Delta'                contacts that rub the more the further they are wound up
+    motor held by a brake that slips above a torque       hits only; sharp, or as T tanh(w/w_e)
+
+They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
+have no counterpart in the MuJoCo model.
+
+Facts used as tests: a stiffness that varies with the turn does nothing without load; rubbing dissipates 4 d A^3 w / 3 per
+cycle of amplitude A; a brake that never slips is a held motor.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, possible_line
+from jointscope.diagnosis.effects.standstill import steepest
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.problem import Problem
+
+_HITS = ("hammer", "torque-sweep")
+
+
+def _turning(per_output: bool) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        P, (share, order, phase) = assembly.P, values
+        P[kernel.PAR_SHARE], P[kernel.PAR_PHASE] = share, phase
+        P[kernel.PAR_MOTOR] = 0.0 if per_output else order * assembly.ratio
+        P[kernel.PAR_LOAD] = order if per_output else 0.0
+
+    return apply
+
+
+def _rubbing(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.RUB] = values[0]
+
+
+def _slipping(assembly: Assembly, values: Values, weight: float) -> None:
+    P, S = assembly.P, assembly.S
+    if S[kernel.MOTOR] != kernel.MOTOR_HELD or not assembly.run.spring:
+        return
+    S[kernel.MOTOR], S[kernel.FRICTION_M] = kernel.MOTOR_FREE, 1
+    P[kernel.FM_PLUS] = P[kernel.FM_MINUS] = values[0]
+
+
+def _creeping(assembly: Assembly, values: Values, weight: float) -> None:
+    P, S = assembly.P, assembly.S
+    if S[kernel.MOTOR] != kernel.MOTOR_HELD or not assembly.run.spring:
+        return
+    S[kernel.MOTOR] = kernel.MOTOR_FREE
+    P[kernel.ROUND_M], P[kernel.ROUND_M_SPEED] = values[0], max(values[1], steepest(assembly, "motor", values[0]))
+
+
+def _creeps(problem: Problem) -> tuple[Values, ...]:
+    return tuple((share * max(problem.scales.wind_up_rate, 1e-12),) for share in (0.1, 1.0, 10.0))
+
+
+def _creep_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    rate = max(problem.scales.wind_up_rate, 1e-12)
+    return {"torque": (1e-3 * problem.scales.torque, 1e3 * problem.scales.torque), "creep": (1e-4 * rate, 1e3 * rate)}
+
+
+def _rubbing_sizes(problem: Problem) -> tuple[float, float, float]:
+    unit = float(problem.base.start[BASE_INDEX["damping"]]) / max(problem.scales.wind_up, 1e-12)
+    return 0.1 * unit, 0.6 * unit, 3.0 * unit
+
+
+def _slip_sizes(problem: Problem) -> tuple[float, float, float]:
+    t = problem.scales.torque
+    return 0.9 * t, 0.6 * t, 0.3 * t
+
+
+def _hit_on_the_brake(problem: Problem) -> str | None:
+    reason = needs_spring(problem)
+    if reason is None and not any(run.mode == "braked" for run in problem.runs):
+        return "no run was made on the brake"
+    return reason
+
+
+SPECS: tuple[EffectSpec, ...] = (
+    *(
+        EffectSpec(
+            name="stiffness-by-turn",
+            location="transmission",
+            variant=variant,
+            family="periodic",
+            parameters=(ParameterSpec("share", "1", 0.0, 0.9, null=0.0), order, PHASE),
+            law="a stiffness that varies with every turn, K (1 + share sin(order angle + phase))",
+            revealed_by=("speed-motion",),
+            look_alikes=("transmission-error", "torque-ripple"),
+            apply=_turning(per_output),
+            scale=lambda problem: (0.003, 0.02, 0.1),
+            starts=lambda problem: ((2.0, 0.0),),
+            possible=possible_line(spring=True, per_output=per_output),
+        )
+        for variant, order, per_output in (("motor-order", MOTOR_ORDER, False), ("output-order", OUTPUT_ORDER, True))
+    ),
+    EffectSpec(
+        name="rubbing",
+        location="transmission",
+        variant="by-wind-up",
+        family="stiffness",
+        parameters=(ParameterSpec("coefficient", "N m s/rad^2", 0.0, 1e15, null=0.0),),
+        law="a damping that grows with the wind-up, (c + d |Delta|) Delta'",
+        revealed_by=_HITS,
+        look_alikes=("hysteresis", "structural-damping", "quadratic-damping"),
+        apply=_rubbing,
+        scale=_rubbing_sizes,
+        starts=one_start,
+        possible=needs_spring,
+    ),
+    EffectSpec(
+        name="brake-slip",
+        location="motor",
+        variant="dry",
+        family="friction",
+        parameters=(ParameterSpec("torque", "N m", 1e-9, 1e12, log=True, null=math.inf),),
+        law="a brake that slips above a torque",
+        revealed_by=("hammer",),
+        look_alikes=("hysteresis", "quadratic-damping", "stiffness-nonlinearity"),
+        apply=_slipping,
+        scale=_slip_sizes,
+        starts=one_start,
+        possible=_hit_on_the_brake,
+    ),
+    EffectSpec(
+        name="brake-slip",
+        location="motor",
+        variant="creeping",
+        family="friction",
+        parameters=(
+            ParameterSpec("torque", "N m", 1e-9, 1e12, log=True, null=math.inf),
+            ParameterSpec("creep", "rad/s", 1e-15, 1e9, log=True),
+        ),
+        law="a brake that creeps, T tanh(w/w_e)",
+        revealed_by=("hammer",),
+        look_alikes=("hysteresis", "quadratic-damping", "stiffness-nonlinearity"),
+        apply=_creeping,
+        scale=_slip_sizes,
+        starts=_creeps,
+        possible=_hit_on_the_brake,
+        limits=_creep_limits,
+    ),
+)

@@ -1,0 +1,50 @@
+"""Intervals: what a law's form leaves open is in proportion to its size, and nothing to a frequency or an order."""
+
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.effects import REGISTRY
+from jointscope.diagnosis.intervals import FORM, FORM_OF_EXACT, STRETCH, with_form
+
+
+def spec_of(name, variant):
+    return next(s for s in REGISTRY if (s.name, s.variant) == (name, variant))
+
+
+def coordinates_of(*specs):
+    """Coordinates of effects alone, each linear parameter in units of 2."""
+    logs = np.array([p.log for s in specs for p in s.parameters])
+    edges = np.cumsum([0, *(len(s.parameters) for s in specs)])
+    rows = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
+    return SimpleNamespace(
+        effects=specs, effect_slices=lambda: rows, logarithm=logs, scale=np.full(len(logs), 2.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "variant", "x", "expected"),
+    [
+        ("quadratic-damping", "drag", [7.0], [FORM * 7.0]),
+        ("torque-gain", "constant", [0.6], [FORM * 0.1]),  # 1.2 of a gain whose null is 1
+        ("delay", "constant", [3.0], [FORM_OF_EXACT * 3.0]),
+        ("hysteresis", "dahl", [4.0, 9.0], [FORM * 4.0, FORM]),  # the stiffness is a logarithm
+        ("base-compliance", "turning-mount", [3.0, 0.5, -4.0], [0.0, FORM * 0.5, FORM]),
+        ("transmission-error", "motor-order", [1.0, 0.7, 0.3], [FORM, 0.0, 0.0]),
+    ],
+)
+def test_a_laws_form_moves_sizes_and_neither_frequencies_nor_orders_nor_phases(name, variant, x, expected):
+    where = coordinates_of(spec_of(name, variant))
+    x = np.array(x)
+    assert with_form(where, x, np.zeros(len(x))) == pytest.approx(expected)
+
+
+def test_chance_and_form_add_in_squares():
+    where = coordinates_of(spec_of("quadratic-damping", "drag"))
+    found = with_form(where, np.array([2.0]), np.array([0.1]))
+    assert found == pytest.approx(np.hypot(STRETCH * 0.1, FORM * 2.0))
+    bare = replace(spec_of("quadratic-damping", "drag"), exact=True)
+    assert with_form(coordinates_of(bare), np.array([2.0]), np.array([0.1])) < found
