@@ -131,8 +131,10 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
 
 def resembled(judged: Judged) -> EffectSpec | None:
     """The law outside the contract's table that a hypothesis consists of, or ``None``."""
-    names = {spec.name for spec in STRANGERS}
-    return next((spec for spec in judged.hypothesis.specs if spec.name in names), None)
+    names = {name.partition("@")[0] for name in judged.names}
+    if not names & {spec.name for spec in STRANGERS}:
+        return None
+    return next(spec for spec in judged.hypothesis.specs if any(spec.name == s.name for s in STRANGERS))
 
 
 def _beats(judgement: Judgement, judged: Judged) -> bool:

@@ -2,7 +2,7 @@ r"""Physics that the diagnosis contract's table does not hold, and that one of i
 
     T_S = K (1 + s sin(order angle + phase)) Delta       teeth or rollers that share the load by turns
     T_S = K Delta + (c + d |Delta|) Delta'                contacts that rub the more the further they are wound up
-    motor held by a brake that slips above a torque       hits only; sharp, or as T tanh(w/w_e)
+    motor held by a brake that slips above a torque       hits only
 
 They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
 have no counterpart in the MuJoCo model.
@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, possible_line
-from jointscope.diagnosis.effects.standstill import steepest
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
 
 if TYPE_CHECKING:
@@ -49,23 +48,6 @@ def _slipping(assembly: Assembly, values: Values, weight: float) -> None:
         return
     S[kernel.MOTOR], S[kernel.FRICTION_M] = kernel.MOTOR_FREE, 1
     P[kernel.FM_PLUS] = P[kernel.FM_MINUS] = values[0]
-
-
-def _creeping(assembly: Assembly, values: Values, weight: float) -> None:
-    P, S = assembly.P, assembly.S
-    if S[kernel.MOTOR] != kernel.MOTOR_HELD or not assembly.run.spring:
-        return
-    S[kernel.MOTOR] = kernel.MOTOR_FREE
-    P[kernel.ROUND_M], P[kernel.ROUND_M_SPEED] = values[0], max(values[1], steepest(assembly, "motor", values[0]))
-
-
-def _creeps(problem: Problem) -> tuple[Values, ...]:
-    return tuple((share * max(problem.scales.wind_up_rate, 1e-12),) for share in (0.1, 1.0, 10.0))
-
-
-def _creep_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    rate = max(problem.scales.wind_up_rate, 1e-12)
-    return {"torque": (1e-3 * problem.scales.torque, 1e3 * problem.scales.torque), "creep": (1e-4 * rate, 1e3 * rate)}
 
 
 def _rubbing_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -130,23 +112,5 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=_slip_sizes,
         starts=one_start,
         possible=_hit_on_the_brake,
-    ),
-    EffectSpec(
-        name="brake-slip",
-        location="motor",
-        variant="creeping",
-        family="friction",
-        parameters=(
-            ParameterSpec("torque", "N m", 1e-9, 1e12, log=True, null=math.inf),
-            ParameterSpec("creep", "rad/s", 1e-15, 1e9, log=True),
-        ),
-        law="a brake that creeps, T tanh(w/w_e)",
-        revealed_by=("hammer",),
-        look_alikes=("hysteresis", "quadratic-damping", "stiffness-nonlinearity"),
-        apply=_creeping,
-        scale=_slip_sizes,
-        starts=_creeps,
-        possible=_hit_on_the_brake,
-        limits=_creep_limits,
     ),
 )

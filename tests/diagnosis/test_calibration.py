@@ -127,6 +127,14 @@ def test_nothing_is_learnt_from_test_cases(rows, tmp_path):
     assert not (tmp_path / "map.json").exists()
 
 
+def test_answers_given_before_a_test_draw_was_opened_teach_once_it_is_spent(rows, tmp_path):
+    """It must be named as such; named twice it counts once."""
+    fresh = proof_of(tmp_path / "a", rows[:40], "calibration")
+    opened = proof_of(tmp_path / "b", rows[40:80], "test")
+    assert learn_map([fresh], tmp_path / "map.json", spent=[opened])["cases"] == 80
+    assert learn_map([opened], tmp_path / "map.json", spent=[opened])["cases"] == 40
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [

@@ -293,7 +293,9 @@ def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
     monkeypatch, touched, left, material, said
 ):
     block = SimpleNamespace(excess=0.02, base_common=4e-4, model_common=4e-4 * (1.0 - touched))
-    top = verdict.Ranked(("torque-ripple@motor",), 0.99, 500.0, SimpleNamespace(), None)
+    top = verdict.Ranked(
+        ("torque-ripple@motor",), 0.99, 500.0, SimpleNamespace(names=("torque-ripple@motor",)), None
+    )
     monkeypatch.setattr(verdict, "rank", lambda _: [top])
     fit = Adequacy((block,), touched, left, left)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: fit)

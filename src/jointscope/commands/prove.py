@@ -20,7 +20,9 @@ OUT holds
 
 With --calibrate the map from stated to true probabilities is learnt from these answers, and from those of further
 finished proofs (--beside), and written; the diagnosis reads the one that was installed as
-jointscope/diagnosis/calibration.json. Nothing is learnt from a test draw.
+jointscope/diagnosis/calibration.json. Nothing is learnt from a test draw, unless it is named as spent (--spent): opened,
+and looked into by development since. Its answers were given before that, so their share of right ones is that of fresh
+cases; it is a test of nothing any more.
 
   jointscope conceal --seed 11 --cases 300 --draw calibration --out out/calibration
   jointscope prove out/calibration --calibrate diagnosis/calibration.json --beside out/outside-proof
@@ -72,6 +74,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="PROOF",
         help="proofs that --calibrate learns from too",
     )
+    parser.add_argument(
+        "--spent",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="PROOF",
+        help="proofs of test draws that were opened before: --calibrate learns from them too",
+    )
     parser.add_argument("--page", type=Path, default=None, metavar="FILE.md", help="write the page here as well")
     parser.add_argument("--json", action="store_true", help="print summary.json instead of the table")
 
@@ -82,8 +92,9 @@ def run(options: argparse.Namespace) -> int:
 
     from jointscope.errors import InputError
 
-    if options.beside and options.calibrate is None:
-        raise InputError("prove", "--beside", "belongs to --calibrate", fix="say --calibrate FILE too")
+    for option in ("beside", "spent"):
+        if getattr(options, option) and options.calibrate is None:
+            raise InputError("prove", f"--{option}", "belongs to --calibrate", fix="say --calibrate FILE too")
     if options.draw == Path("real") and (options.data is not None or not options.draw.is_dir()):
         _refuse(options, ("calibrate", "page", "limit", "scheduler"), "recordings of others")
         return _real(options)
@@ -107,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
         publish(summary, options.page)
     _report(summary, folder, out)
     if options.calibrate is not None:
-        _calibrate([out, *options.beside], options.calibrate)
+        _calibrate([out, *options.beside], options.calibrate, options.spent)
     if options.json:
         print(json.dumps(summary, indent=1, sort_keys=True))
         return 0
@@ -127,13 +138,13 @@ def _refuse(options: argparse.Namespace, names: Sequence[str], what: str) -> Non
             raise InputError(options.draw, f"--{name}", f"is not for {what}", fix="leave it out")
 
 
-def _calibrate(proofs: Sequence[Path], file: Path) -> None:
+def _calibrate(proofs: Sequence[Path], file: Path, spent: Sequence[Path]) -> None:
     """Learn the map; what it is worth goes to standard error, beside a summary that machines read."""
     import sys
 
     from jointscope.experiments.prove.calibrate import learn_map
 
-    learnt = learn_map(proofs, file)
+    learnt = learn_map(proofs, file, spent)
     error = learnt["calibration_error"]
     print(
         f"{file}: learnt on {learnt['cases']} answers; calibration error {error['stated']:.3f} as stated, "
