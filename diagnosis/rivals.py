@@ -103,12 +103,8 @@ def strangers(
         trials = candidates_for(objective.problem, (spec,))
         if spec.family == "periodic":
             trials = [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
-        shapes: dict[tuple[float, ...], list[ActiveEffect]] = {}
-        for trial in trials:  # from every start: which one is near is not told from afar
-            shape = () if spec.family == "periodic" else trial.values[1:]
-            shapes.setdefault(shape, []).append(trial)
-        for group in shapes.values():
-            found.extend(_in_place(objective, base, place, _telling(objective, base, group), effort))
+        if trials:
+            found.extend(_in_place(objective, base, place, _telling(objective, base, trials), effort))
     return found
 
 
