@@ -16,7 +16,7 @@ Conventions where the format leaves them open:
 - Play is a hard dead zone, centred at the start of a horizontal run, in contact on a vertical rig.
 - Hysteresis is added to the stiffness; structural damping is six Maxwell elements with c = 0 and K(w0) kept.
 - T_S = K (q_s - q + e) with e the transmission error; its phase counts the motor's angle from the horizontal.
-- A torque gain is actual over logged; a sensor's gain is true over recorded.
+- A torque gain is actual over logged; a sensor's gain is recorded over true.
 - A late device's sample stamped t is the true value at (t - delay)/(1 + 1e-6 ppm).
 - Where there is an accelerometer on a horizontal rig its axis is level: it reads no gravity.
 """

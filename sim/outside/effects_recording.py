@@ -59,14 +59,14 @@ def saturation(scene: Scene, rng: np.random.Generator) -> Law:
 
 
 def sensor_gain(scene: Scene, rng: np.random.Generator) -> Law:
-    """True over recorded, of the accelerometer or the hammer's force."""
+    """Recorded over true, of the accelerometer or the hammer's force."""
     sign, channel = float(rng.choice((-1.0, 1.0))), "accelerometer"
     if scene.hit and scene.experiments != "H" and rng.random() < 1.0 / 3.0:
         channel = "force"
 
     def build(size: float) -> Build:
         gain = 1.0 + sign * min(0.4, 0.07 * size)
-        return Build(chain={f"{channel}_gain": 1.0 / gain}, parameters={"gain": gain})
+        return Build(chain={f"{channel}_gain": gain}, parameters={"gain": gain})
 
     return Law(f"of the {channel}", "gain", build, most=5.0)
 
