@@ -18,12 +18,10 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes
-from jointscope.diagnosis.effects import DRIFTS
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
-from jointscope.diagnosis.per_run import as_listed, chosen
 from jointscope.diagnosis.polish import from_elsewhere, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
@@ -35,7 +33,6 @@ REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own 
 NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
-REAL_STRANGE = 600.0  # of a drift in an order that is not the campaign's
 REAL_PICKED = 60.0  # of an order that was picked out of all orders
 REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
@@ -264,18 +261,6 @@ def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
     return apart < NEAR_RESONANCE + pole[1] and compare(judgement, parent, child).gain < REAL_RESONANT
 
 
-def _beyond_the_sorting(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
-    """Whether an effect whose runs were sorted by what they say gains more than a sorting does by itself.
-
-    Outliers can be sorted too: a drift that does not follow the order of the campaign must show more.
-    """
-    picked = [spec for spec in child.hypothesis.specs if chosen(spec)]
-    without = [p for p in parts if not any(n.partition("@")[0] in {s.name for s in picked} for n in p.names)]
-    strange = any(s.name == DRIFTS[0].name and not as_listed(s) for s in picked)
-    needed = REAL_STRANGE if strange else REAL_SORTED
-    return not picked or all(compare(judgement, part, child).gain >= needed for part in without)
-
-
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
     """Whether an order picked out of hundreds gains more than the best of hundreds does by chance."""
     picked = {f"{s.name}@{s.location}" for s in child.hypothesis.specs if s.family == "periodic"}
@@ -308,7 +293,9 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         if not all(a.spec.sensible(a.values) for a in child.fit.coordinates.unpack(child.fit.x)[1]):
             continue
-        if not _beyond_the_sorting(judgement, child, parts):
+        sorted_runs = [spec.name for spec in child.hypothesis.specs if spec.run_weights is not None]
+        without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]
+        if sorted_runs and any(compare(judgement, part, child).gain < REAL_SORTED for part in without):
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue

@@ -30,7 +30,9 @@ Vector = NDArray[np.float64]
 
 SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
 AGAIN = 8  # further noises, each run's its own
-ALIGNED = 12.5  # half the square of five standard deviations: an effect that was sought among many follows that much
+ALIGNED = (
+    12.5  # half the square of five standard deviations: an effect that was sought among many follows that much
+)
 
 
 def noisy_again(run: PreparedRun, *turn: int) -> PreparedRun:
@@ -39,7 +41,9 @@ def noisy_again(run: PreparedRun, *turn: int) -> PreparedRun:
     if motor is None:
         return run
     rate, start = motor.signal.rate, motor.signal.start
-    noise = motor.noise * np.random.default_rng([SEED, *turn] if turn else SEED).standard_normal(motor.samples.size)
+    noise = motor.noise * np.random.default_rng([SEED, *turn] if turn else SEED).standard_normal(
+        motor.samples.size
+    )
     samples = estimated_input(motor.samples + noise, rate)
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     error = bandlimited(samples - motor.samples, rate, start)(half)

@@ -22,7 +22,9 @@ from jointscope.diagnosis.refit import Fit, covariance
 
 Vector = NDArray[np.float64]
 
-STRETCH = 1.5  # of an effect's standard error: on 40 concealed textbook laws 25 of the 90 % intervals covered without
+STRETCH = (
+    1.5  # of an effect's standard error: on 40 concealed textbook laws 25 of the 90 % intervals covered without
+)
 FORM = 0.02  # of the size of a law that nature knows in several forms
 FORM_OF_EXACT = 0.005  # and of a delay, a weight, a gain
 _PLACES = ("Hz", "rad/s")  # of a mode or a line: where it is does not depend on the form

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.effects import DRIFTS, LATENT, PAYLOADS, REGISTRY, ActiveEffect, with_run_weights
+from jointscope.diagnosis.effects import DRIFT_PER_RUN, LATENT, PAYLOADS, REGISTRY, ActiveEffect, with_run_weights
 from jointscope.diagnosis.effects.latent import node_range
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Nameplate
@@ -82,7 +82,7 @@ def read_model_json(
 
 def _effect(entry: Mapping[str, Any], problem: Problem) -> ActiveEffect:
     name, location, variant = entry["effect"], entry["location"], entry.get("variant", "")
-    for spec in (*REGISTRY, *LATENT, *PAYLOADS, *DRIFTS):
+    for spec in (*REGISTRY, *LATENT, *PAYLOADS, DRIFT_PER_RUN):
         if (spec.name, spec.location, spec.variant) == (name, location, variant):
             stated = entry["parameters"]
             missing = [p.name for p in spec.parameters if p.name not in stated]
@@ -94,7 +94,7 @@ def _effect(entry: Mapping[str, Any], problem: Problem) -> ActiveEffect:
             values = tuple(float(stated[p.name]) for p in spec.parameters)
             if spec.name == LATENT[0].name:
                 values = _on_these_nodes(values, entry["range"], node_range(problem, spec.location, spec.variant))
-            if spec in (*PAYLOADS, *DRIFTS):  # a run that the file does not name is as the base has it
+            if spec in (*PAYLOADS, DRIFT_PER_RUN):  # a run that the file does not name is as the base has it
                 runs = entry.get("runs", {})
                 weights = tuple(float(runs.get(run.run.id, 0.0)) for run in problem.runs)
                 return ActiveEffect(with_run_weights(spec, weights, problem), values)

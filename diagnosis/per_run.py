@@ -1,9 +1,9 @@
 """Effects that act in some runs more than in others: which runs those are, from the runs themselves.
 
 A payload or a stiffness that drifts from take to take is known by which takes it concerns. Neither order nor ids may
-be relied on for that, so every run's own inertia and stiffness are scored: a payload needs two clearly parted groups of
-inertia, of all runs or of one experiment's, a drift a spread of stiffness beyond the estimates' own errors. That the
-stiffness drifts in the order in which the campaign lists its runs is one more candidate, in which nothing is chosen. Who carries a payload is
+tell that, so every run's own inertia and stiffness are scored: a payload needs two clearly parted groups of inertia, of
+all runs or of one experiment's, a drift a spread of stiffness beyond the estimates' own errors, in steps that are about
+even: outliers can be sorted too. Who carries a payload is
 then asked of its fit, run by run. The freedom of choosing is paid for in the evidence (``labelling_cost``): n ln 2 nats
 for a choice of members, ln n! for an order.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.effects import DRIFTS, PAYLOADS, ActiveEffect, with_run_weights
+from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, with_run_weights
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.refit import least_squares
 
@@ -34,7 +34,7 @@ SOFTENED = 0.2  # of all scatter, below which no run's own standard error is bel
 SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
 TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are
 FEWEST = 4  # runs
-FOLLOWS = 0.5  # correlation of an order with that of the campaign, which chance gives one order in fifty of twenty runs
+EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
 ASKED = 2  # times that a payload is fitted and every run asked whether it carries it
 
 
@@ -97,21 +97,25 @@ def two_groups(values: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     return np.asarray(known & (values > best[2]))
 
 
-def chosen(spec: EffectSpec) -> bool:
-    """Whether the runs themselves said in which of them the effect acts."""
-    return spec.run_weights is not None and spec.variant != DRIFTS[0].variant
+def drifting(stiffness: Vector, errors: Vector) -> Vector | None:
+    """How far the stiffness had come in each run, in steps from the middle one, shape (n_runs,); else ``None``.
 
-
-def as_listed(spec: EffectSpec) -> bool:
-    """Whether the order that the runs themselves asked for is by and large that of the campaign."""
-    weights = np.array(spec.run_weights or (0.0,))
-    told = np.flatnonzero(weights)
-    return len(told) > 1 and float(np.corrcoef(told, weights[told])[0, 1]) > FOLLOWS
+    Where it spreads beyond the estimates' own errors, in about even steps. In which direction time runs is not told.
+    """
+    known = telling(errors)
+    if known.sum() < FEWEST or np.std(stiffness[known]) <= SPREAD * np.median(errors[known]):
+        return None
+    order = np.argsort(np.argsort(stiffness[known]))
+    if np.corrcoef(order, stiffness[known])[0, 1] < EVEN:
+        return None
+    ranks = np.zeros(len(stiffness))
+    ranks[known] = order - 0.5 * (known.sum() - 1)
+    return ranks
 
 
 def labelling_cost(spec: EffectSpec) -> float:
-    """What the choice of runs costs [nats]; 0 for effects that act alike in all, or in the order of the campaign."""
-    if not chosen(spec) or spec.run_weights is None:
+    """What the choice of runs costs [nats]; 0 for effects that act alike in all."""
+    if spec.run_weights is None:
         return 0.0
     n = len(spec.run_weights)
     return n * math.log(2.0) if spec.name == PAYLOADS[0].name else math.lgamma(n + 1.0)
@@ -182,15 +186,8 @@ def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     found: list[EffectSpec] = []
     if "load_inertia" in free:
         found.extend(_payloads(stage, problem))
-    if "stiffness" in free and DRIFTS[0].possible(problem) is None:
-        n = len(problem.runs)
-        found.append(with_run_weights(DRIFTS[0], tuple(k - 0.5 * (n - 1) for k in range(n)), problem))
-        stiffness, error = run_steps(stage, "stiffness")
-        known = telling(error)
-        if known.sum() >= FEWEST and np.std(stiffness[known]) > SPREAD * np.median(error[known]):
-            ranks = np.zeros(len(stiffness))
-            ranks[known] = np.argsort(np.argsort(stiffness[known])) - 0.5 * (known.sum() - 1)
-            if ranks @ np.arange(n) < 0.0:  # a rate has the sign that it has in the order of the campaign
-                ranks = -ranks
-            found.append(with_run_weights(DRIFTS[1], tuple(float(r) for r in ranks), problem))
+    if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
+        ranks = drifting(*run_steps(stage, "stiffness"))
+        if ranks is not None:
+            found.append(with_run_weights(DRIFT_PER_RUN, tuple(float(r) for r in ranks), problem))
     return tuple(found)

@@ -25,13 +25,13 @@ from jointscope.diagnosis.effects import (
 from jointscope.diagnosis.effects.latent import LATENT
 from jointscope.diagnosis.effects.load import PAYLOADS
 from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, ParameterSpec
-from jointscope.diagnosis.effects.transmission import DRIFTS
+from jointscope.diagnosis.effects.transmission import DRIFT_PER_RUN
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 __all__ = [
-    "DRIFTS",
+    "DRIFT_PER_RUN",
     "LATENT",
     "PAYLOADS",
     "REGISTRY",
@@ -72,7 +72,7 @@ def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
 
 
 def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Problem) -> EffectSpec:
-    """One of ``PAYLOADS`` or ``DRIFTS`` for given runs: the amplitude's factor in each, in the order of problem.runs."""
+    """One of ``PAYLOADS`` or ``DRIFT_PER_RUN`` for given runs: the amplitude's factor in each, in the order of problem.runs."""
     return replace(at_rig(spec, problem), run_weights=weights)
 
 

@@ -83,7 +83,10 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=lambda problem: ((2.0, 0.0),),
             possible=possible_line(spring=True, per_output=per_output),
         )
-        for variant, order, per_output in (("motor-order", MOTOR_ORDER, False), ("output-order", OUTPUT_ORDER, True))
+        for variant, order, per_output in (
+            ("motor-order", MOTOR_ORDER, False),
+            ("output-order", OUTPUT_ORDER, True),
+        )
     ),
     EffectSpec(
         name="rubbing",

@@ -14,7 +14,6 @@ for the cubic; a Maxwell-slip or Bouc-Wen loop closes and its area does not depe
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +25,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
-STIFFEST = 3.0  # of K: what gives less by the angle than the joint itself is friction at rest, not a spring's hysteresis
+STIFFEST = (
+    3.0  # of K: what gives less by the angle than the joint itself is friction at rest, not a spring's hysteresis
+)
 _BRANCHES = 5
 _SPACING = (
     4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
@@ -309,13 +310,13 @@ SPECS: tuple[EffectSpec, ...] = (
     ),
 )
 
-_IN_TURN = EffectSpec(
+DRIFT_PER_RUN = EffectSpec(
     name="stiffness-drift",
     location="transmission",
     variant="per-run",
     family="stiffness",
     parameters=(ParameterSpec("rate", "per run", -0.2, 0.2, null=0.0),),
-    law="K (1 + rate k) in the k-th run of the campaign",
+    law="K (1 + rate k) in the k-th run",
     revealed_by=("hammer",),
     look_alikes=("stiffness-nonlinearity", "payload"),
     apply=_drift_per_run,
@@ -323,7 +324,3 @@ _IN_TURN = EffectSpec(
     starts=one_start,
     possible=_not_per_run,
 )
-_SORTED = replace(
-    _IN_TURN, variant="per-run-sorted", law="K (1 + rate k), the runs sorted by their own stiffness"
-)
-DRIFTS = (_IN_TURN, _SORTED)

@@ -44,7 +44,12 @@ ROUND_M_EXCESS, ROUND_M_FALL, ROUND_L_EXCESS, ROUND_L_FALL = (
 )  # breakaway beyond ROUND_M as its share, and the speed over which it falls [rad/s]
 ROUND_M_SIDED, ROUND_L_SIDED = 122, 123  # share by which it is larger in positive motion and smaller in negative
 PRE_SIDED = 124  # the same of friction with presliding
-PAR_SHARE, PAR_MOTOR, PAR_LOAD, PAR_PHASE = 125, 126, 127, 128  # stiffness K (1 + share sin(per q_s, per q, phase))
+PAR_SHARE, PAR_MOTOR, PAR_LOAD, PAR_PHASE = (
+    125,
+    126,
+    127,
+    128,
+)  # stiffness K (1 + share sin(per q_s, per q, phase))
 RUB = 129  # damping in proportion to the wind-up [N m s/rad^2]
 N_P = 130
 

@@ -76,7 +76,7 @@ def structural(building: Building, location: str, variant: str, p: Parameters) -
 
 def drift(building: Building, location: str, variant: str, p: Parameters) -> str:
     """K (1 + rate t) within a run, or K (1 + rate k) from run to run."""
-    if variant.startswith("per-run"):
+    if variant == "per-run":
         building.law("stiffness-per-run", rate=p["rate"])
     else:
         building.law("stiffness-drift", rate=p["rate"])

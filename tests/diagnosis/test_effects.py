@@ -9,7 +9,7 @@ import pytest
 
 from jointscope.diagnosis import kernel as k
 from jointscope.diagnosis.effects import (
-    DRIFTS,
+    DRIFT_PER_RUN,
     LATENT,
     PAYLOADS,
     REGISTRY,
@@ -61,7 +61,7 @@ MAIN = {
     "external-vibration": "frequency", "delay": "delay", "clock-drift": "ppm", "sensor-tilt": "angle",
     "sensor-resonance": "frequency", "sensor-saturation": "level", "sensor-gain": "gain", "torque-logging": "rate",
 }  # fmt: skip
-ALL = (*REGISTRY, *PAYLOADS, *DRIFTS)
+ALL = (*REGISTRY, *PAYLOADS, DRIFT_PER_RUN)
 
 
 def effect(problem, name, variant=None, *, size=None, location=None, run_weights=None, **values):
@@ -97,7 +97,7 @@ def test_variants_are_distinct():
 @pytest.mark.parametrize("spec", ALL, ids=lambda s: f"{s.name}@{s.location}/{s.variant}")
 def test_null_is_the_base_exactly_and_sizes_move_it(spec, problem, truth):
     """Zero amplitude is the base to the last bit; medium and large ones are finite and inside the bounds."""
-    if spec in (*PAYLOADS, *DRIFTS):
+    if spec in (*PAYLOADS, DRIFT_PER_RUN):
         spec = with_run_weights(spec, (0.0, 1.0, 1.0), problem)
     else:
         spec = next(
