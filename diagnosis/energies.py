@@ -22,6 +22,9 @@ Kind = tuple[object, ...]
 Energies = Mapping[Kind, tuple[float, float]]  # squared error of all runs, and squared signal
 
 
+AGREEING = 20.0  # nats that runs must gain which no log drives
+
+
 def kind_of(run: PreparedRun, output: Output) -> Kind:
     """Experiment, quantity, location and direction of an output."""
     return (run.run.experiment, output.quantity, output.location, output.direction)
@@ -69,16 +72,18 @@ def drowned(
 
     More is explained where a channel's error falls by more than the echo's energy, or where the likelihood gains more
     than following all of the echo would, or all that lies along what is explained (``gained`` and ``along``, per
-    experiment [nats]): an angle's echo is slow, and large.
+    experiment [nats]): an angle's echo is slow, and large. The latter only where runs that no
+    log drives gain too: the noise of a log may be other than white, and then more of it lies along an effect.
     """
     above: dict[str, bool] = {}
     for key, energy in echo.energies.items():
         experiment = str(key[0])
         above[experiment] = above.get(experiment, False) or before[key][0] - after[key][0] > energy
+    agreed = sum(nats for name, nats in gained.items() if name not in echo.nats) > AGREEING
     loud = {
         name
         for name, nats in gained.items()
-        if nats > min(echo.nats.get(name, math.inf), along.get(name, math.inf))
+        if nats > echo.nats.get(name, math.inf) or (agreed and nats > along.get(name, math.inf))
     }
     return {experiment for experiment, found in above.items() if not found} - loud
 

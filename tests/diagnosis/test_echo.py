@@ -107,8 +107,9 @@ def test_an_effect_follows_only_the_echo_that_lies_along_it():
     assert heard_of.along(runs, [7.0 * with_it, with_it])[KEY[0]] > 900.0
     most = heard_of.along(runs, [7.0 * across, across])
     assert most[KEY[0]] < 12.5 * 4.0 * 0.25
-    gains = {KEY[0]: 60.0}
+    gains = {KEY[0]: 60.0, "hammer": 30.0}
     before, after = {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}
     assert drowned(heard_of, before, after, gains, most) == set()
     assert drowned(heard_of, before, after, gains, {KEY[0]: 2000.0}) == {KEY[0]}
+    assert drowned(heard_of, before, after, {**gains, "hammer": 2.0}, most) == {KEY[0]}  # hits say nothing of it
     assert heard_of.along(runs, [np.zeros(50), np.zeros(50)]) == {}
