@@ -191,8 +191,16 @@ def _unknown(answer: dict[str, Any], sure: str, translational: bool) -> str:
         )
     return (
         "The recordings differ from the model by more than their noise, and no effect of the catalogue explains it "
-        f"(probability {sure}).{_following(answer, translational)}"
+        f"(probability {sure}).{_resembles(answer)}{_following(answer, translational)}"
     )
+
+
+def _resembles(answer: dict[str, Any]) -> str:
+    """Physics outside the catalogue that explains more than anything in it."""
+    found = answer.get("resembles")
+    if not found:
+        return ""
+    return f" {found['law'][0].upper()}{found['law'][1:]} explains more than anything in the catalogue."
 
 
 def _following(answer: dict[str, Any], translational: bool) -> str:

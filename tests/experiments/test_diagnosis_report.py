@@ -121,6 +121,12 @@ def test_an_effect_that_does_not_keep_its_size_is_told_in_words():
     assert "falls by 70 +- 6 % of its mean" in told and "@" not in told
 
 
+def test_physics_outside_the_catalogue_is_told_in_words():
+    found = {"law": "a brake that slips above a torque", "location": "motor"}
+    told = verdict_sentence({**answer("unknown"), "resembles": found}, translational=False)
+    assert "A brake that slips above a torque explains more than anything in the catalogue." in told
+
+
 def test_where_the_model_is_farthest_above_the_noise_is_said():
     found = (Pair("hammer, arm", 0.3, None, 0.25), Pair("sweep, motor", 2.3, None, 0.002))
     assert "sweep, motor" in worst_sentence(found) and "230 %" in worst_sentence(found)
