@@ -159,6 +159,15 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
     return arena
 
 
+def _with_strangers(arena: Arena, effort: Effort) -> tuple[Hypothesis, ...]:
+    """All hypotheses, and what physics outside the contract's table does in place of the leading one."""
+    if not arena.hypotheses:
+        return ()
+    outside = [at_rig(spec, arena.objective.problem) for spec in STRANGERS]
+    found = strangers(arena.objective, arena.base.fit, arena.hypotheses[0], outside, effort)
+    return settled(arena, found, effort).hypotheses if found else arena.hypotheses
+
+
 def explore(
     stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
 ) -> tuple[Screening, tuple[Hypothesis, ...]]:
@@ -174,7 +183,7 @@ def explore(
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, arena.hypotheses
+        return screening, _with_strangers(arena, effort)
     known = _losses(arena)
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
     for leader in [h for h in arena.hypotheses if len(h.specs) == 1][: effort.beam + 1]:
@@ -200,6 +209,4 @@ def explore(
             break
         report(f"fitting sets of {size}")
         pairs = extend(arena.objective, best, screening, effort)
-    outside = [at_rig(spec, problem) for spec in STRANGERS]
-    found = strangers(arena.objective, arena.base.fit, arena.hypotheses[0], outside, effort)
-    return screening, settled(arena, found, effort).hypotheses if found else arena.hypotheses
+    return screening, _with_strangers(arena, effort)

@@ -14,7 +14,7 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, s
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.effects import STRANGERS
-from jointscope.diagnosis.gates import HELD, OF_PARENT, Comparison
+from jointscope.diagnosis.gates import AS_FORETOLD, HELD, OF_PARENT, Comparison
 from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
@@ -142,7 +142,7 @@ def _beats(judgement: Judgement, judged: Judged) -> bool:
     if resembled(judged) is None:
         return False
     against = compare(judgement, judgement.base, judged)
-    return against.real and not against.held_gain < HELD
+    return against.real and not against.held_gain < max(HELD, AS_FORETOLD * against.foretold_held)
 
 
 def rank(judgement: Judgement) -> list[Ranked]:
