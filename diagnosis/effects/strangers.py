@@ -106,7 +106,7 @@ SPECS: tuple[EffectSpec, ...] = (
         name="brake-slip",
         location="motor",
         variant="dry",
-        family="friction",
+        family="dissipative",
         parameters=(ParameterSpec("torque", "N m", 1e-9, 1e12, log=True, null=math.inf),),
         law="a brake that slips above a torque",
         revealed_by=("hammer",),

@@ -51,7 +51,7 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
         level += P[PRE_EXCESS] * math.exp(-r * r)
     level *= 1.0 + P[PRE_SIDED] if d > 0.0 else 1.0 - P[PRE_SIDED]
     end = level if d > 0.0 else -level
-    return end + (z - end) * math.exp(-abs(d) / (P[PRE_ANGLE] * level))
+    return float(end + (z - end) * math.exp(-abs(d) / (P[PRE_ANGLE] * level)))
 
 
 @compiled
