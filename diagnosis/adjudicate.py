@@ -171,7 +171,7 @@ def _energy(left: Sequence[Vector]) -> Vector:
     return np.array([float(w @ w) for w in left])
 
 
-def changes(judgement: Judgement, one: Judged, other: Judged) -> list[Vector]:
+def differences(judgement: Judgement, one: Judged, other: Judged) -> list[Vector]:
     """What two hypotheses predict differently, whitened, per fitted and held-out run."""
     apart = one.fit.w - other.fit.w
     fitted = [apart[rows] for rows in judgement.objective.slices]
@@ -186,7 +186,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     held = 0.5 * (parent.held_out - child.held_out) / overdispersion
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
     gained = by_experiment(np.concatenate([fitted, held]), runs)
-    along = judgement.echo.along(runs, changes(judgement, parent, child))
+    along = judgement.echo.along(runs, differences(judgement, parent, child))
     silent = drowned(judgement.echo, parent.energies, child.energies, gained, along)
     raw = heard(fitted, judgement.objective.prepared, silent)
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion

@@ -296,8 +296,8 @@ def where_json(diagnosis: Diagnosis) -> dict[str, Any] | None:
     else:
         candidates = {name.split("@")[1] for names in decision.candidates for name in names}
         stranger = resembled(decision.ranking[0].judged)
-        location = candidates.pop() if len(candidates) == 1 else diagnosis.places.location
-        location = location if stranger is None else stranger.location
+        found = diagnosis.places.location if stranger is None else stranger.location
+        location = candidates.pop() if len(candidates) == 1 else found
     depends = list(dict.fromkeys(d for name in names for d in DEPENDS.get(name, ())))
     if decision.unknown_reason == "outside-catalogue":
         depends = [spec.variant for spec in specs if spec.name == "latent-law"]

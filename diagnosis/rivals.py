@@ -98,13 +98,13 @@ def strangers(
     """Fit each law outside the contract's table in place of the whole leading set."""
     found: list[Hypothesis] = []
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
-    place = _Place(0, leader.specs[0], effects[0], (), (), theta)
     for spec in specs:
         trials = candidates_for(objective.problem, (spec,))
         if spec.family == "periodic":
             trials = [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
-        if trials:
-            found.extend(_in_place(objective, base, place, _telling(objective, base, trials), effort))
+        fit = fit_child(objective, base, [_telling(objective, base, trials)], effort, [theta]) if trials else None
+        if fit is not None:
+            found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))
     return found
 
 

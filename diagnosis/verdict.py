@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
-from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, score, standing
+from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differences, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.effects import STRANGERS
@@ -98,8 +98,8 @@ def distance(judgement: Judgement, one: Judged, other: Judged) -> float:
     """Half the squared distance of two predictions of all runs, whitened [nats]: the lead of the one that is true."""
     freedom = max(sum(sum(w.sizes) for w in judgement.objective.whiteners), 1)
     overdispersion = max(1.0, min(one.chi2, other.chi2) / freedom)
-    pairs = [(one.fit.w, other.fit.w), *zip(one.left_held, other.left_held, strict=True)]
-    return 0.5 * float(sum(np.sum(np.square(a - b)) for a, b in pairs)) / overdispersion
+    apart = differences(judgement, one, other)
+    return 0.5 * float(sum(np.sum(np.square(d)) for d in apart)) / overdispersion
 
 
 def contains(outer: Judged, inner: Judged) -> bool:

@@ -7,8 +7,7 @@ r"""Physics that the diagnosis contract's table does not hold, and that one of i
 They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
 have no counterpart in the MuJoCo model.
 
-Facts used as tests: a stiffness that varies with the turn does nothing without load; rubbing dissipates 4 d A^3 w / 3 per
-cycle of amplitude A; a brake that never slips is a held motor.
+Fact used as test: a brake that never slips is a held motor.
 """
 
 from __future__ import annotations

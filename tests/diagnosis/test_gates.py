@@ -9,6 +9,7 @@ import pytest
 
 from jointscope.diagnosis import adjudicate, verdict
 from jointscope.diagnosis.adequacy import Adequacy
+from jointscope.diagnosis.effects import REGISTRY, STRANGERS
 from jointscope.diagnosis.gates import REAL, UNASKED, Comparison
 from jointscope.diagnosis.parameters import bounded, near_nameplate
 from jointscope.diagnosis.verdict import TEMPERATURE, contains, distance, rank, temperature
@@ -22,6 +23,49 @@ FURTHER = replace(FOUND, parents=1, parent_gain=2000.0, share=0.25)
 
 def test_what_gains_carries_over_and_matters_stands():
     assert FOUND.stands
+
+
+@pytest.mark.parametrize(
+    ("figures", "stands"),
+    [
+        ({"held_gain": 400.0}, False),  # 4.7 times what was foretold: another size in those runs
+        ({"share_of_runs": 0.25, "lost": 20.0}, False),  # one run gains, three lose
+        ({"share_of_runs": 0.25, "lost": 5.0}, True),
+        ({"share_of_runs": 0.75, "lost": 20.0}, True),
+        ({"gain": 250.0, "material": 0.0005}, True),  # small, and beyond doubt
+        ({"gain": 150.0, "material": 0.0005}, False),
+        ({"gain": 250.0, "material": 0.0005, "held_gain": 30.0}, False),
+    ],
+)
+def test_held_out_runs_gain_what_was_foretold_and_not_far_more(figures, stands):
+    assert replace(FOUND, **figures).stands is stands
+
+
+@pytest.mark.parametrize(
+    ("lead", "held_gain", "said"), [(40.0, 80.0, "unknown"), (5.0, 80.0, "effects"), (40.0, 1.0, "effects")]
+)
+def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead, held_gain, said):
+    """By 15 nats, with held-out runs that agree; else the effect of the table is named."""
+    law = next(s for s in STRANGERS if s.name == "rubbing")
+    listed, other = stand_in("hysteresis@transmission", ""), stand_in("rubbing@transmission", "")
+    other.hypothesis.specs = (law,)
+    judged = (SimpleNamespace(names=()), listed, other)
+    scores = {listed.names: 500.0, other.names: 500.0 + lead}
+    monkeypatch.setattr(verdict, "standing", lambda judgement: [listed])
+    monkeypatch.setattr(verdict, "score", lambda judgement, j: scores[j.names])
+    monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, held_gain=held_gain))
+    monkeypatch.setattr(verdict, "distance", lambda *_: 100.0)
+    monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 1.0, 0.0, 0.0))
+    decision = verdict.decide(SimpleNamespace(judged=judged, base=judged[0]))
+    assert decision.verdict == said
+    assert decision.chosen is (judged[0] if said == "unknown" else listed)
+
+
+def test_a_mode_as_broad_as_a_search_allows_and_a_breakaway_of_many_times_the_friction_are_something_else():
+    mount = next(s for s in REGISTRY if s.variant == "turning-mount")
+    stribeck = next(s for s in REGISTRY if s.name == "stribeck-friction")
+    assert mount.sensible((20.0, 0.01, 0.1)) and not mount.sensible((20.0, 0.01, 0.2))
+    assert stribeck.sensible((1.0, 1.5, 0.01)) and not stribeck.sensible((1.0, 6.0, 0.01))
 
 
 @pytest.mark.parametrize(
@@ -181,7 +225,9 @@ def test_the_true_of_two_laws_leads_by_their_distance():
     d[:100] = 1.5
     one = stand_in("a@load", "", float(noise @ noise), noise)
     other = stand_in("b@load", "", float((noise + d) @ (noise + d)), noise + d)
-    judgement = SimpleNamespace(objective=SimpleNamespace(whiteners=[SimpleNamespace(sizes=(4000,))]))
+    judgement = SimpleNamespace(
+        objective=SimpleNamespace(whiteners=[SimpleNamespace(sizes=(4000,))], slices=(slice(0, 4000),))
+    )
     apart = distance(judgement, one, other)
     assert apart == pytest.approx(0.5 * d @ d, rel=0.1)
     assert 0.5 * (other.chi2 - one.chi2) == pytest.approx(apart, abs=4.0 * math.sqrt(2.0 * apart))
