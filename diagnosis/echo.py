@@ -44,7 +44,7 @@ def noisy_again(run: PreparedRun, *turn: int) -> PreparedRun:
     noise = motor.noise * np.random.default_rng([SEED, *turn] if turn else SEED).standard_normal(
         motor.samples.size
     )
-    samples = estimated_input(motor.samples + noise, rate)
+    samples = estimated_input(motor.samples + noise, rate, motor.noise)
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     error = bandlimited(samples - motor.samples, rate, start)(half)
     drive = replace(motor, samples=samples, signal=bandlimited(samples, rate, start))

@@ -9,38 +9,29 @@ S the local power, S_eta that of the log's own white part: where the log holds a
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
 
-from jointscope.diagnosis.input_noise import white_part
+from jointscope.diagnosis.input_noise import WINDOW
 
 Vector = NDArray[np.float64]
 
-WINDOW = 0.25  # s
 OVERLAP = 4  # windows over any sample
 SMOOTHED = 3  # cells of frequency and of time over which the local power is averaged
 OVER = 2.0  # times the noise's power that is taken off: the local power is itself uncertain
-TOP = 0.8  # of half the sampling rate, above which a torque holds noise only
 NO_NOISE = 1e-5  # of the log's peak, below which it is left alone
 
 
-def _at_the_top(z: NDArray[np.complex128], window: Vector) -> float:
-    """Standard deviation of the white noise whose power the highest frequencies hold: a sweep leaves them alone."""
-    top = np.square(np.abs(z[int(TOP * len(z)) : -1]))
-    return float(np.sqrt(np.median(top) / math.log(2.0) / np.sum(np.square(window)))) if top.size else 0.0
-
-
-def estimated_input(samples: Vector, rate: float) -> Vector:
+def estimated_input(samples: Vector, rate: float, noise: float) -> Vector:
     """E[u | samples] of a log of smooth torque with white noise, shape of ``samples``.
 
     Args:
         samples: As logged [any unit], shape (n,).
         rate: Of the log [Hz].
+        noise: Standard deviation of the noise [as ``samples``], see :func:`input_noise.log_noise`.
     """
     length = OVERLAP * max(2, round(WINDOW * rate / OVERLAP))
     if len(samples) < 2 * length:
@@ -51,7 +42,6 @@ def estimated_input(samples: Vector, rate: float) -> Vector:
     window = hann(length, sym=False)
     transform = ShortTimeFFT(window, step, rate, scale_to=None)
     z = transform.stft(padded)
-    noise = min(white_part(samples), _at_the_top(z, window))
     if not noise > NO_NOISE * float(np.max(np.abs(samples))):
         return samples
     power = uniform_filter(np.square(np.abs(z)), SMOOTHED, mode="nearest")

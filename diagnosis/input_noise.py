@@ -16,11 +16,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.signal.windows import hann
+
+from jointscope.diagnosis.recorder_step import recorder_step
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
+WINDOW = 0.25  # s
+QUIET = 25.0  # per cent of the windows, whose level is the log's noise
 Pole = tuple[float, float]  # frequency [Hz] and damping ratio [-]
 
 
@@ -89,6 +94,28 @@ def inlet(problem: Problem, theta: Vector) -> Inlet:
     two = problem.rig.topology == "two-inertia"
     inertia = b["load_inertia"] + (b["motor_inertia"] if two else 0.0)
     return Inlet(max(inertia, 1e-300), b["efficiency"] * b["torque_scale"])
+
+
+def log_noise(samples: Vector, rate: float) -> float:
+    """Standard deviation of a torque log's white noise [the log's unit]: what its quiet cells of time and frequency hold.
+
+    In every quarter second the median over frequency, and of these the lower quartile over time: a sweep fills few
+    cells at a time, and a drive that works its encoder's steps into the torque does so while it moves. Third differences
+    (:func:`white_part`) take a sweep's upper end for noise: two to ten times too much on a third of the logs of a draw.
+
+    Args:
+        samples: As logged, shape (n,).
+        rate: Of the log [Hz].
+    """
+    length = 4 * max(2, round(WINDOW * rate / 4))
+    if samples.size < 2 * length:
+        return white_part(samples)
+    window = hann(length, sym=False)
+    cells = np.lib.stride_tricks.sliding_window_view(samples, length)[:: length // 4]
+    spectra = np.fft.rfft((cells - cells.mean(axis=1, keepdims=True)) * window, axis=1)[:, 2:-1]
+    power = np.median(np.square(np.abs(spectra)), axis=1) / (math.log(2.0) * float(np.sum(np.square(window))))
+    quiet = math.sqrt(float(np.percentile(power, QUIET)))
+    return min(max(quiet, recorder_step(samples) / math.sqrt(12.0)), white_part(samples))
 
 
 def white_part(x: Vector) -> float:

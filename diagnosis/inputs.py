@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,13 +11,15 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.contact import contact_only
 from jointscope.diagnosis.input_estimate import estimated_input
-from jointscope.diagnosis.input_noise import white_part
+from jointscope.diagnosis.input_noise import log_noise
 from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque as recorded_torque
 
 Vector = NDArray[np.float64]
+
+ALIKE = 1.5  # times the noise of a device's quietest experiment: the most that any of its logs may have
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +43,30 @@ class Drive:
     noise: float = 0.0
 
 
-def without_noise(drive: Drive) -> Drive:
-    """The same torque as its log most likely stands for."""
-    samples = estimated_input(drive.samples, drive.signal.rate)
-    signal = bandlimited(samples, drive.signal.rate, drive.signal.start)
-    return replace(drive, signal=signal, samples=samples, noise=white_part(drive.samples))
+def without_noise(drive: Drive, most: float = math.inf) -> Drive:
+    """The same torque as its log most likely stands for; ``most``: what other runs allow its noise to be."""
+    rate = drive.signal.rate
+    noise = min(log_noise(drive.samples, rate), most)
+    samples = estimated_input(drive.samples, rate, noise)
+    return replace(drive, signal=bandlimited(samples, rate, drive.signal.start), samples=samples, noise=noise)
+
+
+def quietest_logs(runs: Sequence[Run], rig: Nameplate) -> list[float]:
+    """The most that the noise of each run's torque log can be [N m at the output], by all runs of its device.
+
+    A device is as noisy in one experiment as in another. What is more in the quietest windows of one is torque.
+    """
+    found: dict[tuple[int, float], dict[str, list[float]]] = {}
+    keys: list[tuple[int, float] | None] = []
+    for run in runs:
+        drive = motor_torque(run, rig)
+        key = None if drive is None else (drive.device, drive.signal.rate)
+        keys.append(key)
+        if drive is not None and key is not None:
+            level = log_noise(drive.samples, drive.signal.rate)
+            found.setdefault(key, {}).setdefault(run.experiment, []).append(level)
+    least = {key: min(float(np.median(levels)) for levels in kinds.values()) for key, kinds in found.items()}
+    return [math.inf if key is None else ALIKE * least[key] for key in keys]
 
 
 def _drive(signal: Signal, factor: float, calibrated: bool, *, impact: bool = False) -> Drive:

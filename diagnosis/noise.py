@@ -22,6 +22,7 @@ from scipy.signal import lfilter
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ
 from jointscope.diagnosis.input_noise import Pole, Ringing, ringing
+from jointscope.diagnosis.recorder_step import recorder_step
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Output, PreparedRun
@@ -274,19 +275,8 @@ def _through(candidate: Ringing | None, segments: list[Vector]) -> list[Vector]:
 
 
 def quantum(output: Output) -> float:
-    """The recorder's step: the smallest change between samples if the record sits on a grid, else 0 [its unit]."""
-    if output.step is not None:
-        return output.step
-    data = output.data[output.mask]
-    steps = np.abs(np.diff(data))
-    steps = steps[steps > 0.0]
-    if steps.size < max(32, data.size // 32):  # it hardly ever leaves its step
-        levels = np.unique(data)
-        return float(np.min(np.diff(levels))) if 1 < levels.size < data.size // 8 else 0.0
-    smallest = float(np.percentile(steps, 1.0))
-    multiples = steps / smallest
-    on_grid = np.mean(np.abs(multiples - np.round(multiples)) < 0.02)
-    return smallest if on_grid > 0.95 and np.median(multiples) < 200 else 0.0
+    """The recorder's step [the output's unit]: as stated, or as its record shows."""
+    return output.step if output.step is not None else recorder_step(output.data[output.mask])
 
 
 def white(runs: Sequence[PreparedRun]) -> NoiseModel:

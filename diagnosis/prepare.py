@@ -5,6 +5,7 @@ Nothing is read from titles, notes, ids, file or column names, or from the order
 
 from __future__ import annotations
 
+from jointscope.diagnosis.inputs import quietest_logs
 from jointscope.diagnosis.parameters import base_spec
 from jointscope.diagnosis.problem import BaseSpec, Observed, Output, PreparedRun, Problem, Scales
 from jointscope.diagnosis.run_preparation import DRIFT_CORNER, INVERSE_CORNER, prepare_run
@@ -38,8 +39,8 @@ def prepare(campaign: Campaign) -> Problem:
             f"{campaign.path}: topology = 'arm': diagnosis needs one joint's runs; export them as a two-inertia campaign"
         )
     runs: list[PreparedRun] = []
-    for run in campaign.runs:
-        prepared = prepare_run(run, campaign.rig, len(runs))
+    for run, noise in zip(campaign.runs, quietest_logs(campaign.runs, campaign.rig), strict=True):
+        prepared = prepare_run(run, campaign.rig, len(runs), log_noise=noise)
         if prepared is not None:
             runs.append(prepared)
     if not runs:
@@ -61,8 +62,8 @@ def prepare_inputs(campaign: Campaign) -> Problem:
     if campaign.rig.topology == "arm":
         raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
     runs: list[PreparedRun] = []
-    for run in campaign.runs:
-        prepared = prepare_run(run, campaign.rig, len(runs), inputs_only=True)
+    for run, noise in zip(campaign.runs, quietest_logs(campaign.runs, campaign.rig), strict=True):
+        prepared = prepare_run(run, campaign.rig, len(runs), inputs_only=True, log_noise=noise)
         if prepared is None:
             raise RefusedError(
                 f"{campaign.path}: run {run.id}: no force, torque or speed command to predict from; record one"

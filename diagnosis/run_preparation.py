@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +30,13 @@ COARSE = (
 INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
 
 
-def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = False) -> PreparedRun | None:
-    """One run on its grid, or ``None`` where nothing drives it or nothing was compared."""
+def prepare_run(
+    run: Run, rig: Nameplate, index: int, *, inputs_only: bool = False, log_noise: float = math.inf
+) -> PreparedRun | None:
+    """One run on its grid, or ``None`` where nothing drives it or nothing was compared.
+
+    ``log_noise``: the most that the noise of its torque log can be [N m at the output], by the other runs.
+    """
     recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.quantity != "frf"]
     if inputs_only:
         recorded = [s for s in recorded if s.channel.role == "input"]
@@ -49,7 +55,7 @@ def prepare_run(run: Run, rig: Nameplate, index: int, *, inputs_only: bool = Fal
         return None
     motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
     if motor is not None and motor_moves:
-        motor = without_noise(motor)
+        motor = without_noise(motor, log_noise)
     if mode not in ("observer",):
         observed = None
     end = max((s.times[-1] for s in recorded), default=0.0)

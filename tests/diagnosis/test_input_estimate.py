@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.input_estimate import estimated_input
-from jointscope.diagnosis.input_noise import white_part
+from jointscope.diagnosis.input_noise import log_noise, white_part
 
 RATE = 800.0
 T = np.arange(4000) / RATE
@@ -12,14 +12,18 @@ SLOW = 40.0 * np.sin(2.0 * np.pi * 0.5 * T) * np.clip((T - 0.5) * 1.2, 0.0, 1.0)
 BURST = 10.0 * np.exp(-(((T - 2.0) / 0.05) ** 2)) * np.cos(2.0 * np.pi * 30.0 * T)
 
 
+def cleaned(samples):
+    return estimated_input(samples, RATE, log_noise(samples, RATE))
+
+
 def test_a_log_without_noise_is_left_alone():
-    np.testing.assert_allclose(estimated_input(SLOW + BURST, RATE), SLOW + BURST, atol=2e-3)
+    np.testing.assert_allclose(cleaned(SLOW + BURST), SLOW + BURST, atol=2e-3)
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.5])
 def test_most_of_the_noise_goes_and_the_transient_stays(noise):
     u = SLOW + BURST
-    x = estimated_input(u + noise * np.random.default_rng(0).standard_normal(T.size), RATE)
+    x = cleaned(u + noise * np.random.default_rng(0).standard_normal(T.size))
     assert np.std(x - u) < 0.35 * noise
     window = slice(1500, 1700)
     assert np.corrcoef((x - SLOW)[window], BURST[window])[0, 1] > 0.99
@@ -27,20 +31,41 @@ def test_most_of_the_noise_goes_and_the_transient_stays(noise):
 
 def test_noise_alone_is_nearly_silenced():
     eta = np.random.default_rng(1).standard_normal(T.size)
-    assert np.std(estimated_input(eta, RATE)) < 0.3
+    assert np.std(cleaned(eta)) < 0.3
 
 
 def test_a_steady_torque_keeps_its_mean():
     eta = np.random.default_rng(2).standard_normal(T.size)
-    assert np.mean(estimated_input(30.0 + eta, RATE)) == pytest.approx(30.0, abs=0.1)
+    assert np.mean(cleaned(30.0 + eta)) == pytest.approx(30.0, abs=0.1)
 
 
 def test_a_short_log_is_left_alone():
     short = np.random.default_rng(3).standard_normal(50)
-    assert estimated_input(short, RATE) is short
+    assert cleaned(short) is short
 
 
 def test_what_was_taken_off_is_white():
     noise = 0.5
     y = SLOW + noise * np.random.default_rng(4).standard_normal(T.size)
-    assert white_part(y - estimated_input(y, RATE)) == pytest.approx(noise, rel=0.2)
+    assert white_part(y - cleaned(y)) == pytest.approx(noise, rel=0.2)
+
+
+def swept(top: float) -> np.ndarray:
+    return 40.0 * np.sin(2.0 * np.pi * (1.0 + 0.5 * top * T / T[-1]) * T)
+
+
+@pytest.mark.parametrize("signal", [np.zeros(T.size), SLOW + BURST, swept(30.0), swept(200.0)], ids=["nothing", "burst", "sweep", "fast sweep"])
+@pytest.mark.parametrize("noise", [0.05, 1.0])
+def test_a_logs_noise_is_found_under_any_torque(signal, noise):
+    y = signal + noise * np.random.default_rng(5).standard_normal(T.size)
+    assert log_noise(y, RATE) == pytest.approx(noise, rel=0.15)
+
+
+def test_third_differences_take_a_sweep_for_noise():
+    y = swept(200.0) + 0.05 * np.random.default_rng(5).standard_normal(T.size)
+    assert white_part(y) > 0.5
+
+
+def test_a_coarse_recorder_is_as_noisy_as_its_step():
+    y = np.round(swept(30.0) / 0.5) * 0.5
+    assert log_noise(y, RATE) == pytest.approx(0.5 / np.sqrt(12.0), rel=0.3)

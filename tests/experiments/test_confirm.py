@@ -234,7 +234,7 @@ def prepared():
 
     campaign = simulate_single_joint(RIG, PLAN, np.random.default_rng(3))
     with pytest.MonkeyPatch.context() as patch:  # both engines get the log as it is
-        patch.setattr(inputs, "estimated_input", lambda samples, rate: samples)
+        patch.setattr(inputs, "estimated_input", lambda samples, rate, noise: samples)
         return campaign, prepare(campaign)
 
 
