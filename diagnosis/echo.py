@@ -2,9 +2,9 @@
 
 The log's white noise is taken off as well as can be (``input_estimate``), never wholly: what remains drives the model and
 not the joint, and rings at the joint's resonance. Its size is found by doing it again: noise of the same size is put onto
-the torque as estimated, taken off once more, and what both torques make the model do is compared (parametric bootstrap,
-Efron and Tibshirani 1993, section 6.5). An effect follows an echo only as far as the echo lies along what the effect
-changes, which is found from some further noises.
+the torque as estimated, taken off once more, and what both torques make the model do is compared, for some noises
+(parametric bootstrap, Efron and Tibshirani 1993, section 6.5). An effect follows an echo only as far as the echo lies along
+what the effect changes.
 """
 
 from __future__ import annotations
@@ -29,21 +29,20 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
-AGAIN = 8  # further noises, each run's its own
+AGAIN = 8  # noises, each run's its own
 ALIGNED = (
     12.5  # half the square of five standard deviations: an effect that was sought among many follows that much
 )
 
 
-def noisy_again(run: PreparedRun, *turn: int) -> PreparedRun:
+def noisy_again(run: PreparedRun, turn: int) -> PreparedRun:
     """The run as another log of the same torque would drive it; unchanged where nothing is logged."""
     motor = run.motor
     if motor is None:
         return run
     rate, start = motor.signal.rate, motor.signal.start
-    noise = motor.noise * np.random.default_rng([SEED, *turn] if turn else SEED).standard_normal(
-        motor.samples.size
-    )
+    rng = np.random.default_rng([SEED, turn, run.index])
+    noise = motor.noise * rng.standard_normal(motor.samples.size)
     samples = estimated_input(motor.samples + noise, rate, motor.noise)
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     error = bandlimited(samples - motor.samples, rate, start)(half)
@@ -59,7 +58,7 @@ class Echo:
         energies: Per experiment and channel, over the scored samples [the outputs' units squared].
         nats: Per experiment, half its whitened energy: what a model that follows it gains at most; empty where the
             runs were not whitened.
-        again: Per run, what ``AGAIN`` further noises do, whitened, shape (AGAIN, n); without rows where no log drives it.
+        again: Per run, what every noise does, whitened, shape (AGAIN, n); without rows where no log drives it.
     """
 
     energies: dict[Kind, float]
@@ -90,47 +89,28 @@ class Echo:
 def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Echo:
     """The echo in all runs of ``objective`` at these parameters."""
 
-    def apart(run: PreparedRun) -> list[Vector]:
-        if run.motor is None or not run.motor.noise > 0.0:
-            return []
-        both = (objective.predict(r, theta, effects, objective.problem) for r in (run, noisy_again(run)))
-        return [b - a for a, b in zip(*both, strict=True)]
-
-    energies: dict[Kind, float] = {}
-    nats: dict[str, float] = {}
-    for i, (run, echo) in enumerate(
-        zip(objective.prepared, objective.map(apart, objective.prepared), strict=True)
-    ):
-        finite = [np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in echo]
-        for output, x in zip(run.outputs, finite, strict=False):
-            key = kind_of(run, output)
-            x = asked_only(x, below_excitation(run, output))[output.mask]
-            energies[key] = energies.get(key, 0.0) + float(x @ x)
-        if finite and objective.whiteners:
-            w = objective.whiteners[i](finite)
-            nats[run.run.experiment] = nats.get(run.run.experiment, 0.0) + 0.5 * float(np.sum(np.square(w)))
-    return Echo(energies, nats, _again(objective, theta, effects) if objective.whiteners else ())
-
-
-def _again(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> tuple[Vector, ...]:
-    """What further noises of the logs do, whitened: per run of ``objective``, shape (AGAIN or 0, n)."""
-
     def predicted(task: tuple[PreparedRun, int]) -> list[Vector]:
         run, turn = task
-        driven = noisy_again(run, turn, run.index) if turn else run
+        driven = noisy_again(run, turn) if turn else run
         found = objective.predict(driven, theta, effects, objective.problem)
         return [np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in found]
 
-    driven = {
-        i: run for i, run in enumerate(objective.prepared) if run.motor is not None and run.motor.noise > 0.0
-    }
-    tasks = [(run, turn) for run in driven.values() for turn in range(AGAIN + 1)]
+    runs = objective.prepared
+    driven = [i for i, run in enumerate(runs) if run.motor is not None and run.motor.noise > 0.0]
+    tasks = [(runs[i], turn) for i in driven for turn in range(AGAIN + 1)]
     results = iter(objective.map(predicted, tasks))
-    found = []
-    for i, whitener in enumerate(objective.whiteners):
-        if i not in driven:
-            found.append(np.zeros((0, sum(whitener.sizes))))
-            continue
+    energies: dict[Kind, float] = {}
+    nats: dict[str, float] = {}
+    again = [np.zeros((0, sum(whitener.sizes))) for whitener in objective.whiteners]
+    for i in driven:
         still, *noisy = (next(results) for _ in range(AGAIN + 1))
-        found.append(np.stack([whitener([b - a for a, b in zip(still, y, strict=True)])[:, 0] for y in noisy]))
-    return tuple(found)
+        errors = [[b - a for a, b in zip(still, y, strict=True)] for y in noisy]
+        for k, output in enumerate(runs[i].outputs):
+            key, below = kind_of(runs[i], output), below_excitation(runs[i], output)
+            scored = [asked_only(error[k], below)[output.mask] for error in errors]
+            energies[key] = energies.get(key, 0.0) + float(np.mean([x @ x for x in scored]))
+        if objective.whiteners:
+            again[i] = np.stack([objective.whiteners[i](error)[:, 0] for error in errors])
+            name = runs[i].run.experiment
+            nats[name] = nats.get(name, 0.0) + 0.5 * float(np.mean(np.sum(np.square(again[i]), axis=1)))
+    return Echo(energies, nats, tuple(again))

@@ -101,7 +101,7 @@ def strangers(
     for spec in specs:
         trials = candidates_for(objective.problem, (spec,))
         if spec.family == "periodic":
-            trials = [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
+            trials += [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
         fit = fit_child(objective, base, [_telling(objective, base, trials)], effort, [theta]) if trials else None
         if fit is not None:
             found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))

@@ -248,8 +248,17 @@ def _outputs(
             continue
         output = _output(signal, rig, run, mode, daq, observed, run.arm_angle)
         if output.observed or quantum(output) < COARSE * dynamic_level(output):
-            outputs.append(thinned(output, hits=run.experiment == "hammer"))
+            thin = thinned(output, hits=run.experiment == "hammer")
+            outputs.append(_resolved(output, thin) if mode == "braked" else thin)
     return tuple(outputs)
+
+
+def _resolved(output: Output, thin: Output) -> Output:
+    """``thin`` compared only where the encoder of ``output`` resolves an angle."""
+    if output.quantity not in ("angle", "position") or output.data.size <= 64:
+        return thin
+    seen = resolved(output.data, output.rate)[:: round(output.rate / thin.rate)]
+    return replace(thin, mask=thin.mask & seen)
 
 
 SPEED_OF = {"angular-velocity": "angle", "velocity": "position"}
@@ -284,8 +293,6 @@ def _output(
         offset = _first(data) - angle * ((rig.reduction_ratio or 1.0) if motor else 1.0)
     if data.size > 64:
         mask[-TAIL:] = False
-    if mode == "braked" and angular and recorded and data.size > 64:
-        mask &= resolved(data, signal.sampling_rate)
     if run.initial == "estimate":
         mask &= times >= (times[0] if times.size else 0.0) + SETTLING
     corner = None

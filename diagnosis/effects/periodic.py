@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _MOTOR_ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 _OUTPUT_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 39.0, 40.0)
-_TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # one of them is within 60 degrees of any phase
+TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # one of them is within 60 degrees of any phase
 
 
 def harmonics(values: Values) -> tuple[tuple[float, float, float], ...]:
@@ -88,13 +88,13 @@ def _ripple(loaded: bool) -> Apply:
 
 
 def _starts(orders: tuple[float, ...]) -> Starts:
-    return lambda problem: tuple((order, phase) for order in orders for phase in _TURNED)
+    return lambda problem: tuple((order, phase) for order in orders for phase in TURNED)
 
 
 def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
         found = order_lines(problem, residuals, 3, per_output=per_output, source=source)
-        return tuple((order, math.remainder(phase + turn, math.tau)) for order, phase in found for turn in _TURNED)
+        return tuple((order, math.remainder(phase + turn, math.tau)) for order, phase in found for turn in TURNED)
 
     return starts
 

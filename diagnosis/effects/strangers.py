@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, possible_line
+from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, TURNED, possible_line
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 _HITS = ("hammer", "torque-sweep")
+_TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
 
 
 def _turning(per_output: bool) -> Apply:
@@ -79,7 +80,7 @@ SPECS: tuple[EffectSpec, ...] = (
             look_alikes=("transmission-error", "torque-ripple"),
             apply=_turning(per_output),
             scale=lambda problem: (0.003, 0.02, 0.1),
-            starts=lambda problem: ((2.0, 0.0),),
+            starts=lambda problem: tuple((turns, phase) for turns in _TURNS for phase in TURNED),
             possible=possible_line(spring=True, per_output=per_output),
         )
         for variant, order, per_output in (

@@ -31,6 +31,7 @@ class Take:
     t0: float = 0.0
     grid_rate: float = RATE
     steps: int = COUNT - 1
+    index: int = 0
 
 
 def take(noise):

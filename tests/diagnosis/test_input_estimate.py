@@ -54,7 +54,11 @@ def swept(top: float) -> np.ndarray:
     return 40.0 * np.sin(2.0 * np.pi * (1.0 + 0.5 * top * T / T[-1]) * T)
 
 
-@pytest.mark.parametrize("signal", [np.zeros(T.size), SLOW + BURST, swept(30.0), swept(200.0)], ids=["nothing", "burst", "sweep", "fast sweep"])
+@pytest.mark.parametrize(
+    "signal",
+    [np.zeros(T.size), SLOW + BURST, swept(30.0), swept(200.0)],
+    ids=["nothing", "burst", "sweep", "fast sweep"],
+)
 @pytest.mark.parametrize("noise", [0.05, 1.0])
 def test_a_logs_noise_is_found_under_any_torque(signal, noise):
     y = signal + noise * np.random.default_rng(5).standard_normal(T.size)
