@@ -9,15 +9,16 @@ hypothesis explains counts as noise (overdispersion; B.2, stage 7). A child stan
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, rewhiten
-from jointscope.diagnosis.echo import Echo, echoes
+from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
@@ -92,6 +93,7 @@ class Judgement:
         objective: The fitted runs, whitened.
         held: The held-out runs, whitened likewise.
         echo: What the noise of a torque log makes the leading hypothesis do, over fitted and held-out runs.
+        noisy: What further noises make any of them do, see :func:`echo.redriven`; found when first asked for.
     """
 
     judged: tuple[Judged, ...]
@@ -99,6 +101,7 @@ class Judgement:
     held: Objective
     noise: NoiseModel
     echo: Echo
+    noisy: Callable[[Judged], dict[int, Vector]]
 
     @property
     def base(self) -> Judged:
@@ -134,7 +137,13 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     whole = replace(
         objective, runs=(*objective.runs, *held_runs), whiteners=(*objective.whiteners, *held.whiteners)
     )
-    return Judgement(judged, objective, held, noise, echoes(whole, *best.fit.coordinates.unpack(best.fit.x)))
+    echo = echoes(whole, *best.fit.coordinates.unpack(best.fit.x))
+
+    @functools.cache
+    def noisy(judged: Judged) -> dict[int, Vector]:
+        return redriven(whole, *judged.fit.coordinates.unpack(judged.fit.x))
+
+    return Judgement(judged, objective, held, noise, echo, noisy)
 
 
 def profiled(hypothesis: Hypothesis) -> int:
@@ -187,7 +196,14 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
     gained = by_experiment(np.concatenate([fitted, held]), runs)
     along = judgement.echo.along(runs, differences(judgement, parent, child))
-    silent = drowned(judgement.echo, parent.energies, child.energies, gained, along)
+    silent = drowned(
+        judgement.echo,
+        parent.energies,
+        child.energies,
+        gained,
+        along,
+        lambda: from_noise_alone(runs, judgement.noisy(parent), judgement.noisy(child)),
+    )
     raw = heard(fitted, judgement.objective.prepared, silent)
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion

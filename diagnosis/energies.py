@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,26 +66,32 @@ def improvement(
 
 
 def drowned(
-    echo: Echo, before: Energies, after: Energies, gained: Mapping[str, float], along: Mapping[str, float]
+    echo: Echo,
+    before: Energies,
+    after: Energies,
+    gained: Mapping[str, float],
+    along: Mapping[str, float],
+    by_noise: Callable[[], Mapping[str, float]],
 ) -> set[str]:
     """Experiments in which all that is explained is no more than the echo of a log's noise.
 
     More is explained where a channel's error falls by more than the echo's energy, or where the likelihood gains more
     than following all of the echo would, or all that lies along what is explained (``gained`` and ``along``, per
     experiment [nats]): an angle's echo is slow, and large. The latter only where runs that no
-    log drives gain too: the noise of a log may be other than white, and then more of it lies along an effect.
+    log drives gain too, or where it is more than a noise alone would make the effect gain (``by_noise``, asked last): an
+    effect that lets less of the noise through gains from it, along whatever it changes.
     """
     above: dict[str, bool] = {}
     for key, energy in echo.energies.items():
         experiment = str(key[0])
         above[experiment] = above.get(experiment, False) or before[key][0] - after[key][0] > energy
-    agreed = sum(nats for name, nats in gained.items() if name not in echo.nats) > AGREEING
-    loud = {
-        name
-        for name, nats in gained.items()
-        if nats > echo.nats.get(name, math.inf) or (agreed and nats > along.get(name, math.inf))
-    }
-    return {experiment for experiment, found in above.items() if not found} - loud
+    quiet = {experiment for experiment, found in above.items() if not found}
+    quiet -= {name for name in quiet if gained.get(name, 0.0) > echo.nats.get(name, math.inf)}
+    beyond = {name for name in quiet if gained.get(name, 0.0) > along.get(name, math.inf)}
+    if beyond and sum(nats for name, nats in gained.items() if name not in echo.nats) <= AGREEING:
+        most = by_noise()
+        beyond = {name for name in beyond if gained[name] > most.get(name, math.inf)}
+    return quiet - beyond
 
 
 def by_experiment(gains: Vector, runs: Sequence[PreparedRun]) -> dict[str, float]:

@@ -100,11 +100,12 @@ def strangers(
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
     for spec in specs:
         trials = candidates_for(objective.problem, (spec,))
-        if spec.family == "periodic":
-            trials += [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
-        fit = fit_child(objective, base, [_telling(objective, base, trials)], effort, [theta]) if trials else None
-        if fit is not None:
-            found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))
+        own = [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
+        for group in (trials, own) if spec.family == "periodic" else (trials,):
+            if group:
+                fit = fit_child(objective, base, [_telling(objective, base, group)], effort, [theta])
+                if fit is not None:
+                    found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))
     return found
 
 

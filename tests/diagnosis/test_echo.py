@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfiltfilt, sosfreqz
+from scipy.signal import butter, lfilter, sosfiltfilt, sosfreqz
 
-from jointscope.diagnosis.echo import Echo, echoes
+from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone
 from jointscope.diagnosis.energies import by_experiment, drowned, heard, improvement
 from jointscope.diagnosis.inputs import Drive
 from jointscope.diagnosis.objective import Objective
@@ -93,7 +93,7 @@ def test_gains_of_runs_that_only_follow_an_echo_do_not_count(echo, nats, counted
     runs = tuple(SimpleNamespace(run=SimpleNamespace(experiment=e)) for e in (KEY[0], KEY[0], "hammer"))
     gains = np.array([7.0, -2.0, 9.0])
     heard_of = Echo({KEY: echo}, {KEY[0]: nats})
-    silent = drowned(heard_of, {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}, by_experiment(gains, runs), {})
+    silent = drowned(heard_of, {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}, by_experiment(gains, runs), {}, dict)
     np.testing.assert_array_equal(heard(gains, runs, silent), counted)
 
 
@@ -110,7 +110,28 @@ def test_an_effect_follows_only_the_echo_that_lies_along_it():
     assert most[KEY[0]] < 12.5 * 4.0 * 0.25
     gains = {KEY[0]: 60.0, "hammer": 30.0}
     before, after = {KEY: (5.0, 100.0)}, {KEY: (4.0, 100.0)}
-    assert drowned(heard_of, before, after, gains, most) == set()
-    assert drowned(heard_of, before, after, gains, {KEY[0]: 2000.0}) == {KEY[0]}
-    assert drowned(heard_of, before, after, {**gains, "hammer": 2.0}, most) == {KEY[0]}  # hits say nothing of it
+    assert drowned(heard_of, before, after, gains, most, dict) == set()
+    assert drowned(heard_of, before, after, gains, {KEY[0]: 2000.0}, dict) == {KEY[0]}
+    alone = {**gains, "hammer": 2.0}  # hits say nothing of it
+    assert drowned(heard_of, before, after, alone, most, lambda: {KEY[0]: 70.0}) == {KEY[0]}
+    assert drowned(heard_of, before, after, alone, most, lambda: {KEY[0]: -300.0}) == set()
     assert heard_of.along(runs, [np.zeros(50), np.zeros(50)]) == {}
+
+
+def ringing_of(noises, zeta):
+    """A mode driven by white noise, shape of ``noises``."""
+    w = 2.0 * np.pi * 0.05
+    a = [1.0, -2.0 * np.exp(-zeta * w) * np.cos(w), np.exp(-2.0 * zeta * w)]
+    return lfilter([1.0], a, noises, axis=1)
+
+
+def test_a_model_that_damps_the_noise_gains_from_it_and_one_that_adds_a_line_loses():
+    """Nothing is left out: half of |r|^2 less that of the child's r, on average, with five standard deviations."""
+    rng = np.random.default_rng(12)
+    noises = np.concatenate([np.zeros((1, 3000)), 0.1 * rng.standard_normal((8, 3000))])
+    runs = (SimpleNamespace(run=SimpleNamespace(experiment=KEY[0])),)
+    parent = {0: ringing_of(noises, 0.02)}
+    damped, line = {0: ringing_of(noises, 0.04)}, {0: parent[0] + np.sin(0.9 * np.arange(3000))}
+    assert from_noise_alone(runs, parent, damped)[KEY[0]] > 0.3 * 0.5 * np.sum(parent[0][1:] ** 2) / 8
+    assert from_noise_alone(runs, parent, line)[KEY[0]] < -0.4 * 1500
+    assert from_noise_alone(runs, parent, parent)[KEY[0]] == 0.0
