@@ -330,3 +330,45 @@ def test_any_subset_of_channels_gives_a_start(problem, truth, plant, builders, k
     ratio = start(other, "stiffness") / start(other, "load_inertia")
     assert ratio == pytest.approx(plant.K / plant.J_L, rel=0.05)
     assert max(errors(other, truth).values()) < 0.01
+
+
+def test_a_log_is_no_noisier_than_its_device_is_elsewhere(bench, builders, plant):
+    """What a drive works into its torque at one experiment is torque: the sweep says what the log's noise is."""
+    rng = np.random.default_rng(21)
+
+    def noisy(level, experiment):
+        def change(channel):
+            if channel.quantity != "torque":
+                return channel
+            return dataclasses.replace(
+                channel, samples=channel.samples + level * rng.standard_normal(len(channel.samples))
+            )
+
+        run = edited(builders.sweep_run(plant, 30.0, f"level-{level}"), change)
+        return dataclasses.replace(run, experiment=experiment)
+
+    runs = (noisy(0.01, "torque-sweep"), noisy(0.1, "speed-motion"))
+    problem = prepare(dataclasses.replace(bench, runs=runs))
+    quiet, loud = (run.motor.noise / plant.n for run in problem.runs)
+    assert quiet == pytest.approx(0.01, rel=0.25)
+    assert loud == pytest.approx(1.5 * quiet, rel=1e-9)
+    assert prepare(dataclasses.replace(bench, runs=runs[1:])).runs[0].motor.noise == pytest.approx(
+        0.1 * plant.n, rel=0.25
+    )
+
+
+def test_an_angle_is_thinned_and_stays_unscored_below_its_encoders_step(bench, builders):
+    """A ring-down at 4096 Hz, in steps that it soon falls below: compared at half that rate, and only while it moves."""
+    rate, t = 4096.0, np.arange(8192) / 4096.0
+    ring = np.where(t > 0.1, 1e-3 * np.exp(-6.0 * (t - 0.1)) * np.sin(2 * np.pi * 30.0 * (t - 0.1)), 0.0)
+    angle = builders.channel("q", "angle", "rad", "arm", "output", 4e-5 * np.round(ring / 4e-5))
+    force = builders.channel(
+        "f", "force", "N", "arm", "input", np.where((t > 0.1) & (t < 0.105), 100.0, 0.0), radius=0.9
+    )
+    stream = Stream(file="hit.csv", sampling_rate=rate, length=t.size, channels=(force, angle))
+    hit = Run(id="hit", experiment="hammer", brake=True, streams=(stream,))
+    (output,) = prepare(dataclasses.replace(bench, runs=(hit,))).runs[0].outputs
+    assert output.rate == 2048.0 and output.mask.size == t.size // 2
+    gone = 0.1 + np.log(1e-3 / (1.25 * 4e-5)) / 6.0  # the swing is two steps and a half wide there
+    assert output.mask[(output.times > 0.2) & (output.times < gone - 0.2)].all()
+    assert not output.mask[output.times > gone + 0.2].any()
