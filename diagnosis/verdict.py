@@ -47,6 +47,7 @@ LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 )
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
+NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either
 MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
 WHITE = 2.0  # times its innovation, below which noise is about white
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
@@ -248,6 +249,11 @@ def decide(judgement: Judgement) -> Decision:
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     if len(top.names) >= TOO_MANY:
         return Decision("unknown", top.judged, _beyond(1.5), ranking, "outside-catalogue", (), fit)
+    growing = max((n.kappa for n in judgement.noise.blocks.values()), default=0.0)
+    if growing > NOT_FOLLOWED:
+        return Decision(
+            "unknown", top.judged, _beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit
+        )
     near = [r for r in ranking if r.names and r.probability > top.probability * math.exp(-NEAR)]
     if top.probability < (SURE if len(top.names) == 1 else SURE_OF_SETS) and len(near) > 1:
         shared = _shared(ranking, near)

@@ -346,4 +346,15 @@ def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
     fit = Adequacy((block,), touched, left, left)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: fit)
     monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, material=material))
-    assert verdict.decide(SimpleNamespace(base=None)).verdict == said
+    noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(kappa=0.02)})
+    assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
+
+
+@pytest.mark.parametrize(("kappa", "said"), [(0.2, "effects"), (0.3, "unknown")])
+def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, said):
+    """A drive whose law was not found leaves an error that grows with the motion, and a weight that feeds on it."""
+    top = verdict.Ranked(("gravity@load",), 0.99, 2700.0, SimpleNamespace(names=("gravity@load",)), None)
+    monkeypatch.setattr(verdict, "rank", lambda _: [top])
+    monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 0.9, 0.0, 0.0))
+    noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(kappa=kappa)})
+    assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
