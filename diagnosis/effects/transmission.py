@@ -147,7 +147,8 @@ def _loop_sizes(problem: Problem) -> tuple[float, float, float]:
 
 def _loop_starts(problem: Problem) -> tuple[Values, ...]:
     torque, a = _loop_sizes(problem)[1], problem.scales.wind_up
-    return tuple((torque / (share * a),) for share in (0.01, 0.04, 0.12, 0.35, 1.0))
+    stiffest = _loop_limits(problem)["stiffness"][1]
+    return tuple((min(torque / (share * a), stiffest),) for share in (0.01, 0.04, 0.12, 0.35, 1.0))
 
 
 def _loop_limits(problem: Problem) -> dict[str, tuple[float, float]]:

@@ -56,7 +56,8 @@ def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead
     monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, held_gain=held_gain))
     monkeypatch.setattr(verdict, "distance", lambda *_: 100.0)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 1.0, 0.0, 0.0))
-    decision = verdict.decide(SimpleNamespace(judged=judged, base=judged[0]))
+    noise = SimpleNamespace(blocks={})
+    decision = verdict.decide(SimpleNamespace(judged=judged, base=judged[0], noise=noise))
     assert decision.verdict == said
     assert decision.chosen is (judged[0] if said == "unknown" else listed)
 
