@@ -42,6 +42,12 @@ def shown(row: Mapping[str, Any]) -> str:
     return f"{number(row['value'], unit)}{span} ({row['cases']} cases)"
 
 
+ENGINES = {
+    "mujoco": "MuJoCo, laws of the generator's own, several of them other than the diagnosis's under the same name",
+    "outside": "a second engine: equations, laws, noise and file plan that share nothing with MuJoCo's or the diagnosis's",
+}
+
+
 def page(summary: Mapping[str, Any], pictures: str = "") -> str:
     """The whole page; ``pictures`` is the folder of the pictures as seen from it, ending in a slash."""
     parts = [
@@ -60,10 +66,11 @@ def _head(summary: Mapping[str, Any]) -> str:
         "" if draw == "test" else f"\n**These are {draw} cases, which the diagnosis was developed or calibrated on:"
         " the figures show how the page works, not how good the diagnosis is.**\n"
     )  # fmt: skip
+    engine = ENGINES[summary.get("engine", "mujoco")]
     return f"""# The proof: effects concealed, diagnosed blind, then the seal opened
 {warning}
-Physics that the plain model of the joint lacks was concealed in simulated recordings (MuJoCo, laws of the generator's own,
-several of them other than the diagnosis's under the same name), each campaign was diagnosed by `jointscope diagnose`
+Physics that the plain model of the joint lacks was concealed in simulated recordings
+({engine}), each campaign was diagnosed by `jointscope diagnose`
 alone, in a process of its own, and only then the sealed truth was opened and the answers scored.
 
 - {summary["cases"]} cases ({kinds}); bands of the effects: {bands}. {draw.capitalize()} draw, seed {summary["seed"]}.

@@ -152,6 +152,7 @@ def summarise(
         "bands": Counter(j.band for j in judged if j.band != "null"),
         "seed": order["seed"],
         "draw": order["draw"],
+        "engine": order.get("engine", "mujoco"),
         "kind": order["kind"],
         "table": [{**asdict(row), "reached": row.reached} for row in table(judged)],
         "law_gap": measures.law_gap(judged),
