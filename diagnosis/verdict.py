@@ -47,7 +47,8 @@ LACKING = (
     0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
 )
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
-NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either
+NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...
+NEARLY_ALL = 0.9  # ... unless it explains this of the mismatch's energy
 MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
 WHITE = 2.0  # times its innovation, below which noise is about white
 EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
@@ -250,7 +251,7 @@ def decide(judgement: Judgement) -> Decision:
     if len(top.names) >= TOO_MANY:
         return Decision("unknown", top.judged, _beyond(1.5), ranking, "outside-catalogue", (), fit)
     growing = max((n.kappa for n in judgement.noise.blocks.values()), default=0.0)
-    if growing > NOT_FOLLOWED:
+    if growing > NOT_FOLLOWED and not fit.explained > NEARLY_ALL:
         return Decision(
             "unknown", top.judged, _beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit
         )

@@ -351,11 +351,17 @@ def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
     assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
 
 
-@pytest.mark.parametrize(("kappa", "said"), [(0.2, "effects"), (0.3, "unknown")])
-def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, said):
-    """A drive whose law was not found leaves an error that grows with the motion, and a weight that feeds on it."""
+@pytest.mark.parametrize(
+    ("kappa", "explained", "said"),
+    [(0.2, 0.8, "effects"), (0.3, 0.8, "unknown"), (0.3, math.nan, "unknown"), (0.3, 0.99, "effects")],
+)
+def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, explained, said):
+    """A drive whose law was not found leaves an error that grows with the motion, and a weight that feeds on it.
+
+    A stop that explains nearly all is an answer, though its rebound is not met to a third.
+    """
     top = verdict.Ranked(("gravity@load",), 0.99, 2700.0, SimpleNamespace(names=("gravity@load",)), None)
     monkeypatch.setattr(verdict, "rank", lambda _: [top])
-    monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 0.9, 0.0, 0.0))
+    monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), explained, 0.0, 0.0))
     noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(kappa=kappa)})
     assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
