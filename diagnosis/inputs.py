@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -43,30 +42,30 @@ class Drive:
     noise: float = 0.0
 
 
-def without_noise(drive: Drive, most: float = math.inf) -> Drive:
-    """The same torque as its log most likely stands for; ``most``: what other runs allow its noise to be."""
+def without_noise(drive: Drive, noise: float | None = None) -> Drive:
+    """The same torque as its log most likely stands for; ``noise`` of that log, read off it where it is not given."""
     rate = drive.signal.rate
-    noise = min(log_noise(drive.samples, rate), most)
-    samples = estimated_input(drive.samples, rate, noise)
-    return replace(drive, signal=bandlimited(samples, rate, drive.signal.start), samples=samples, noise=noise)
+    level = log_noise(drive.samples, rate) if noise is None else noise
+    samples = estimated_input(drive.samples, rate, level)
+    return replace(drive, signal=bandlimited(samples, rate, drive.signal.start), samples=samples, noise=level)
 
 
-def quietest_logs(runs: Sequence[Run], rig: Nameplate) -> list[float]:
-    """The most that the noise of each run's torque log can be [N m at the output], by all runs of its device.
+def log_noises(runs: Sequence[Run], rig: Nameplate) -> list[float | None]:
+    """Noise of each run's torque log [N m at the output], by all runs of its device; ``None`` where there is no log.
 
     A device is as noisy in one experiment as in another. What is more in the quietest windows of one is torque.
     """
+    levels: list[float | None] = []
     found: dict[tuple[int, float], dict[str, list[float]]] = {}
-    keys: list[tuple[int, float] | None] = []
+    keys: list[tuple[int, float]] = []
     for run in runs:
         drive = motor_torque(run, rig)
-        key = None if drive is None else (drive.device, drive.signal.rate)
-        keys.append(key)
-        if drive is not None and key is not None:
-            level = log_noise(drive.samples, drive.signal.rate)
-            found.setdefault(key, {}).setdefault(run.experiment, []).append(level)
-    least = {key: min(float(np.median(levels)) for levels in kinds.values()) for key, kinds in found.items()}
-    return [math.inf if key is None else ALIKE * least[key] for key in keys]
+        levels.append(None if drive is None else log_noise(drive.samples, drive.signal.rate))
+        keys.append((-1, 0.0) if drive is None else (drive.device, drive.signal.rate))
+        if levels[-1] is not None:
+            found.setdefault(keys[-1], {}).setdefault(run.experiment, []).append(levels[-1])
+    most = {key: ALIKE * min(float(np.median(v)) for v in kinds.values()) for key, kinds in found.items()}
+    return [None if level is None else min(level, most[key]) for level, key in zip(levels, keys, strict=True)]
 
 
 def _drive(signal: Signal, factor: float, calibrated: bool, *, impact: bool = False) -> Drive:

@@ -5,10 +5,10 @@ Nothing is read from titles, notes, ids, file or column names, or from the order
 
 from __future__ import annotations
 
-from jointscope.diagnosis.inputs import quietest_logs
+from jointscope.diagnosis.inputs import log_noises
 from jointscope.diagnosis.parameters import base_spec
 from jointscope.diagnosis.problem import BaseSpec, Observed, Output, PreparedRun, Problem, Scales
-from jointscope.diagnosis.run_preparation import DRIFT_CORNER, INVERSE_CORNER, prepare_run
+from jointscope.diagnosis.run_preparation import DRIFT_CORNER, INVERSE_CORNER, prepare_run, without_outputs
 from jointscope.diagnosis.sizes import unit_scales
 from jointscope.diagnosis.starts import finished
 from jointscope.errors import RefusedError
@@ -39,7 +39,7 @@ def prepare(campaign: Campaign) -> Problem:
             f"{campaign.path}: topology = 'arm': diagnosis needs one joint's runs; export them as a two-inertia campaign"
         )
     runs: list[PreparedRun] = []
-    for run, noise in zip(campaign.runs, quietest_logs(campaign.runs, campaign.rig), strict=True):
+    for run, noise in zip(campaign.runs, log_noises(campaign.runs, campaign.rig), strict=True):
         prepared = prepare_run(run, campaign.rig, len(runs), log_noise=noise)
         if prepared is not None:
             runs.append(prepared)
@@ -62,7 +62,8 @@ def prepare_inputs(campaign: Campaign) -> Problem:
     if campaign.rig.topology == "arm":
         raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
     runs: list[PreparedRun] = []
-    for run, noise in zip(campaign.runs, quietest_logs(campaign.runs, campaign.rig), strict=True):
+    blind = [without_outputs(run) for run in campaign.runs]
+    for run, noise in zip(blind, log_noises(blind, campaign.rig), strict=True):
         prepared = prepare_run(run, campaign.rig, len(runs), inputs_only=True, log_noise=noise)
         if prepared is None:
             raise RefusedError(

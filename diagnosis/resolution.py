@@ -54,6 +54,14 @@ def clips(output: Output) -> bool:
     return output.quantity in ACCELERATIONS and bool(often >= PLATEAU)
 
 
+def where_resolved(output: Output, thin: Output) -> Output:
+    """``thin``, which is ``output`` thinned, compared only where the encoder of an angle resolves it."""
+    if output.quantity not in ANGULAR or output.data.size <= 64:
+        return thin
+    seen = resolved(output.data, output.rate)[:: round(output.rate / thin.rate)]
+    return replace(thin, mask=thin.mask & seen)
+
+
 def resolved(data: Vector, rate: float) -> NDArray[np.bool_]:
     """Where an angle moves by more than two steps of its encoder within ``RESOLVED``, shape of ``data``.
 

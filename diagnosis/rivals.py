@@ -100,8 +100,12 @@ def strangers(
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
     for spec in specs:
         trials = candidates_for(objective.problem, (spec,))
-        own = [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
-        for group in (trials, own) if spec.family == "periodic" else (trials,):
+        groups = [trials]
+        if spec.family == "periodic":  # at whole orders, and at what order the leader found
+            groups.append(
+                [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
+            )
+        for group in groups:
             if group:
                 fit = fit_child(objective, base, [_telling(objective, base, group)], effort, [theta])
                 if fit is not None:

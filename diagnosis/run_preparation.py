@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,7 @@ from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
-from jointscope.diagnosis.resolution import TAIL, resolved, thinned
+from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
@@ -31,16 +30,14 @@ INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before 
 
 
 def prepare_run(
-    run: Run, rig: Nameplate, index: int, *, inputs_only: bool = False, log_noise: float = math.inf
+    run: Run, rig: Nameplate, index: int, *, inputs_only: bool = False, log_noise: float | None = None
 ) -> PreparedRun | None:
     """One run on its grid, or ``None`` where nothing drives it or nothing was compared.
 
-    ``log_noise``: the most that the noise of its torque log can be [N m at the output], by the other runs.
+    ``log_noise``: of its torque log [N m at the output], where other runs had a say in it; ``inputs_only``: the run has no
+    outputs (:func:`without_outputs`), and every declared one is foretold.
     """
     recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.quantity != "frf"]
-    if inputs_only:
-        recorded = [s for s in recorded if s.channel.role == "input"]
-        run = _without_outputs(run)
     load, motor, command = load_torque(run), motor_torque(run, rig), speed_command(run, rig)
     daq = _daq(run)
     held = run.brake or run.hold.get("", "drive") in ("brake", "brake-with-play", "locked")
@@ -107,7 +104,7 @@ def prepare_run(
     return replace(prepared, outputs=tuple(replace(o, followed_to=corner) for o in outputs))
 
 
-def _without_outputs(run: Run) -> Run:
+def without_outputs(run: Run) -> Run:
     """The run as if its output columns had been left out of the files."""
     streams = tuple(
         replace(
@@ -249,16 +246,8 @@ def _outputs(
         output = _output(signal, rig, run, mode, daq, observed, run.arm_angle)
         if output.observed or quantum(output) < COARSE * dynamic_level(output):
             thin = thinned(output, hits=run.experiment == "hammer")
-            outputs.append(_resolved(output, thin) if mode == "braked" else thin)
+            outputs.append(where_resolved(output, thin) if mode == "braked" else thin)
     return tuple(outputs)
-
-
-def _resolved(output: Output, thin: Output) -> Output:
-    """``thin`` compared only where the encoder of ``output`` resolves an angle."""
-    if output.quantity not in ("angle", "position") or output.data.size <= 64:
-        return thin
-    seen = resolved(output.data, output.rate)[:: round(output.rate / thin.rate)]
-    return replace(thin, mask=thin.mask & seen)
 
 
 SPEED_OF = {"angular-velocity": "angle", "velocity": "position"}

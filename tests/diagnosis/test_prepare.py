@@ -357,6 +357,26 @@ def test_a_log_is_no_noisier_than_its_device_is_elsewhere(bench, builders, plant
     )
 
 
+def test_what_a_prediction_takes_for_noise_is_read_off_inputs_alone(bench, builders, plant):
+    """A clean torque that is an output of another run says nothing of the log that is an input."""
+    rng = np.random.default_rng(22)
+
+    def noisy(channel):
+        if channel.quantity != "torque":
+            return channel
+        return dataclasses.replace(
+            channel, samples=channel.samples + 0.1 * rng.standard_normal(len(channel.samples))
+        )
+
+    sweep = builders.sweep_run(plant, 30.0, "sweep")
+    clean = tuple(dataclasses.replace(c, role="output") for c in sweep.streams[1].channels)
+    hit = dataclasses.replace(
+        bench.runs[0], streams=(*bench.runs[0].streams, dataclasses.replace(sweep.streams[1], channels=clean))
+    )
+    foretold = prepare_inputs(dataclasses.replace(bench, runs=(edited(sweep, noisy), hit)))
+    assert foretold.runs[0].motor.noise == pytest.approx(0.1 * plant.n, rel=0.25)
+
+
 def test_an_angle_is_thinned_and_stays_unscored_below_its_encoders_step(bench, builders):
     """A ring-down at 4096 Hz, in steps that it soon falls below: compared at half that rate, and only while it moves."""
     rate, t = 4096.0, np.arange(8192) / 4096.0
