@@ -311,7 +311,7 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         sorted_runs = [spec.name for spec in child.hypothesis.specs if spec.run_weights is not None]
         without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]
-        if sorted_runs and any(compare(judgement, part, child).gain < REAL_SORTED for part in without):
+        if sorted_runs and not all(compare(judgement, part, child).beyond(REAL_SORTED) for part in without):
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue

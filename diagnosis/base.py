@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -44,13 +45,21 @@ class Stage:
 
 
 EDGE = 0.01  # of the longest travel
+CONTRAST = 2  # runs on either side of a payload's, or a drift's, middle
 
 
-def representative(problem: Problem, positions: tuple[int, ...], hits: int, others: int) -> tuple[int, ...]:
+def representative(
+    problem: Problem,
+    positions: tuple[int, ...],
+    hits: int,
+    others: int,
+    weightings: Sequence[Sequence[float]] = (),
+) -> tuple[int, ...]:
     """Positions that span the levels: at most ``hits`` of the hammer and ``others`` of any other experiment.
 
     The runs that reach farthest to either side are added where the chosen ones stay short of them: a stop is met there.
-    So is a run whose record clips, where none of the chosen ones does.
+    So is a run whose record clips, where none of the chosen ones does, and what lies to either side of the middle of one
+    of ``weightings``, each of shape (n_runs,): among runs that all carry a payload, or none, it can't be seen.
     """
     strata: dict[tuple[str, bool], list[int]] = {}
     for i in content_order(problem.runs):
@@ -69,7 +78,23 @@ def representative(problem: Problem, positions: tuple[int, ...], hits: int, othe
     ]
     if clipped and not set(clipped) & set(chosen):
         chosen.append(max(clipped, key=lambda i: level(problem.runs[i])))
+    for weights in weightings:
+        chosen.extend(_either_side(problem, positions, chosen, weights))
     return tuple(i for i in positions if i in chosen)
+
+
+def _either_side(
+    problem: Problem, positions: tuple[int, ...], chosen: list[int], weights: Sequence[float]
+) -> list[int]:
+    """What is short of ``CONTRAST`` runs on either side of the middle weight, the outermost and loudest first."""
+    middle = 0.5 * (min(weights) + max(weights))
+    added: list[int] = []
+    for sign in (-1.0, 1.0):
+        side = [i for i in content_order(problem.runs) if i in positions and sign * (weights[i] - middle) > 0.0]
+        side.sort(key=lambda i: (-sign * weights[i], -level(problem.runs[i])))
+        missing = max(CONTRAST - sum(i in chosen for i in side), 0)
+        added.extend([i for i in side if i not in chosen][:missing])
+    return added
 
 
 def _farthest(problem: Problem, positions: tuple[int, ...], chosen: list[int]) -> list[int]:

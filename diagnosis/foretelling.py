@@ -31,7 +31,7 @@ from jointscope.diagnosis.noise import (
 )
 from jointscope.diagnosis.predict import build, predict_outputs
 from jointscope.diagnosis.run_preparation import prepare_run
-from jointscope.diagnosis.whiten import RunWhitener, is_hit, output_filter, scatter_columns
+from jointscope.diagnosis.whiten import RunWhitener, marginalised, output_filter
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun, Problem
@@ -153,12 +153,7 @@ def planned_noise(known: NoiseModel, runs: Sequence[PreparedRun]) -> NoiseModel:
 
 
 def planned_whitener(run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector]) -> RunWhitener:
-    """Sigma^-1/2 of a planned run: noise as carried over, hit gain and timing marginalised (see ``whiten``)."""
+    """Sigma^-1/2 of a planned run: noise as carried over, what scatters marginalised."""
     filters = tuple(output_filter(o, noise.blocks[block_key(run, o)]) for o in run.outputs)
     bare = RunWhitener(filters, np.zeros((sum(len(f.keep) for f in filters), 0)), np.zeros(0))
-    if not is_hit(run):
-        return bare
-    u = bare.filter(scatter_columns(run, predicted)) * np.array([noise.gain, noise.timing])
-    q, r = np.linalg.qr(u)
-    eigenvalues, vectors = np.linalg.eigh(r @ r.T)
-    return RunWhitener(filters, q @ vectors, 1.0 - 1.0 / np.sqrt(1.0 + np.maximum(eigenvalues, 0.0)))
+    return marginalised(run, noise, predicted, bare)

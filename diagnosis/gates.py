@@ -71,6 +71,10 @@ class Comparison:
         """Beyond chance on the fitted runs, or half so on them where the held-out ones are by themselves."""
         of_parent = OF_PARENT * self.parent_gain * (1.0 - self.share**2)
         needed = REAL if self.parents == 0 else max(REAL_FURTHER, of_parent)
+        return self.beyond(needed)
+
+    def beyond(self, needed: float) -> bool:
+        """Whether the fitted runs gain what is asked [nats], or half of it and the held-out ones all of it."""
         return self.gain > needed or (self.gain > UNASKED * needed and self.held_gain > needed)
 
     @property

@@ -2,7 +2,7 @@
 
 A payload or a stiffness that drifts from take to take is known by which takes it concerns. Neither order nor ids may
 tell that, so every run's own inertia and stiffness are scored: a payload needs two clearly parted groups of inertia, of
-all runs or of one experiment's, a drift a spread of stiffness beyond the estimates' own errors, in steps that are about
+one experiment's runs or of all, a drift a spread of stiffness beyond the estimates' own errors, in steps that are about
 even: outliers can be sorted too. Who carries a payload is
 then asked of its fit, run by run. The freedom of choosing is paid for in the evidence (``labelling_cost``): n ln 2 nats
 for a choice of members, ln n! for an order.
@@ -11,7 +11,7 @@ for a choice of members, ln n! for an order.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ SOFTENED = 0.2  # of all scatter, below which no run's own standard error is bel
 SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
 TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are
 FEWEST = 4  # runs
+ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
 ASKED = 2  # times that a payload is fitted and every run asked whether it carries it
 
@@ -124,19 +125,51 @@ def labelling_cost(spec: EffectSpec) -> float:
 def loaded(problem: Problem, inertia: Vector, errors: Vector) -> tuple[NDArray[np.bool_], float] | None:
     """Who seems to carry a payload and how much it adds, or ``None``.
 
-    Two groups of all runs, or of one experiment's, the others sorted by its cut.
+    Every experiment is sorted by its own two groups, as what a model lacks shifts the inertia of one against another's;
+    where it has none, by the cut of the experiment that tells most, and where none has any, by the two groups of all.
     """
     kinds = np.array([run.run.experiment for run in problem.runs])
     ordered = sorted(set(kinds), key=lambda k: -int(np.sum(telling(errors) & (kinds == k))))
-    for these in (np.ones_like(errors, dtype=bool), *(kinds == kind for kind in ordered)):
-        known = telling(np.where(these, errors, np.inf))
-        members = two_groups(inertia, np.where(these, errors, np.inf))
-        if members is not None:
-            upper, lower = inertia[known & members], inertia[known & ~members]
-            cut = 0.5 * float(upper.min() + lower.max())
-            sorted_too = np.where(these, members, np.isfinite(errors) & (inertia > cut))
-            return sorted_too, float(np.median(upper) - np.median(lower))
-    return None
+    parted = [p for p in (_parted(inertia, errors, kinds == kind) for kind in ordered) if p is not None]
+    if not parted:
+        everyone = _parted(inertia, errors, np.ones_like(errors, dtype=bool))
+        parted = [] if everyone is None else [everyone]
+    if not parted:
+        return None
+    first = parted[0]
+    members = np.isfinite(errors) & (inertia > first.cut)
+    for found in parted:
+        if 1.0 / ALIKE < found.step / first.step < ALIKE:
+            members[found.these] = found.members[found.these]
+    return members, first.step
+
+
+@dataclass(frozen=True, eq=False)
+class _Parted:
+    """Two groups of some runs.
+
+    Attributes:
+        these: The runs, shape (n_runs,).
+        members: Of the upper group, shape (n_runs,).
+        cut: Half way between the groups.
+        step: From group to group.
+    """
+
+    these: NDArray[np.bool_]
+    members: NDArray[np.bool_]
+    cut: float
+    step: float
+
+
+def _parted(inertia: Vector, errors: Vector, these: NDArray[np.bool_]) -> _Parted | None:
+    own = np.where(these, errors, np.inf)
+    members = two_groups(inertia, own)
+    if members is None:
+        return None
+    known = telling(own)
+    upper, lower = inertia[known & members], inertia[known & ~members]
+    cut = 0.5 * float(upper.min() + lower.max())
+    return _Parted(these, members, cut, float(np.median(upper) - np.median(lower)))
 
 
 def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:

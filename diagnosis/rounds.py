@@ -62,9 +62,10 @@ class Arena:
     hypotheses: tuple[Hypothesis, ...]
 
 
-def opened(stage: Stage, effort: Effort) -> Arena:
-    """The arena on a few runs of every kind, the base refitted to them."""
-    runs = representative(stage.objective.problem, stage.objective.runs, effort.hits, effort.others)
+def opened(stage: Stage, effort: Effort, weightings: Sequence[Sequence[float]]) -> Arena:
+    """The arena on a few runs of every kind and on either side of ``weightings``, the base refitted to them."""
+    problem, fitted = stage.objective.problem, stage.objective.runs
+    runs = representative(problem, fitted, effort.hits, effort.others, weightings)
     positions = [i for i, run in enumerate(stage.objective.runs) if run in runs]
     objective = stage.objective.restricted(positions)
     rows = stage.objective.rows(positions)
@@ -172,9 +173,10 @@ def explore(
     stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
 ) -> tuple[Screening, tuple[Hypothesis, ...]]:
     """Every hypothesis worth judging."""
-    first = opened(stage, effort)
     problem = stage.objective.problem
-    candidates = candidates_for(problem, (*specs, *per_run_specs(stage, problem)), residuals_of(stage))
+    by_run = per_run_specs(stage, problem)
+    first = opened(stage, effort, [spec.run_weights for spec in by_run if spec.run_weights is not None])
+    candidates = candidates_for(problem, (*specs, *by_run), residuals_of(stage))
     report(f"screening {len(candidates)} trials of {len(specs)} candidate laws")
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
     report("fitting single effects")

@@ -208,7 +208,10 @@ class Screening:
 
 def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort) -> Screening:
     """Score every candidate on top of ``parent`` over a few runs, the leading ones over all at their own amplitude."""
-    chosen = representative(objective.problem, objective.runs, effort.screen_hits, effort.screen_others)
+    weightings = {a.spec.run_weights for a in candidates if a.spec.run_weights is not None}
+    chosen = representative(
+        objective.problem, objective.runs, effort.screen_hits, effort.screen_others, sorted(weightings)
+    )
     positions = tuple(i for i, run in enumerate(objective.runs) if run in chosen)
     few, rows = objective.restricted(positions), objective.rows(positions)
     trials = screen(few, parent, tangent(parent.w[rows], parent.jacobian[rows]), parent.w[rows], candidates)

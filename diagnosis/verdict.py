@@ -28,7 +28,8 @@ WRONG_FORM = 0.01  # or this share of the best score, between laws neither of wh
 NEARER = 0.25  # of half the squared distance of their predictions, which is what the true one would lead by
 SAME = 30.0  # nats of distance within which two predictions of a much stronger effect are the same
 WIDER = (*CONTAINED, ("base-compliance", "neighbour-flexibility"))  # law, and one that contains it
-CONTAINING = 8.0  # nats by which a law that contains another must lead it
+CONTAINING = 8.0  # nats by which a law that contains another must lead it ...
+OF_CONTAINED = 1e-4  # ... or this share of what that one explains: no form is exact to less
 SPARING = (
     0.0,
     0.0,
@@ -158,8 +159,9 @@ def rank(judgement: Judgement) -> list[Ranked]:
         if judged.names not in best or value > best[judged.names][0]:
             best[judged.names] = (value, judged)
     for names, (value, judged) in list(best.items()):
-        if any(contains(judged, other) for _, other in list(best.values()) if other.names):
-            best[names] = (value - CONTAINING, judged)
+        inner = [v for v, other in list(best.values()) if other.names and contains(judged, other)]
+        if inner:
+            best[names] = (value - max(CONTAINING, OF_CONTAINED * max(inner)), judged)
     for names, (value, judged) in list(best.items()):
         if resembled(judged) is not None:
             best[names] = (value - max(STRANGE, OF_LISTED * value), judged)

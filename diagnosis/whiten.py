@@ -1,6 +1,7 @@
 """Residuals made standard normal: prediction-error filter per output, hit gain and timing marginalised per run.
 
-Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0). With U = L^-1 [s_g y, s_t y.] and U = Q R,
+Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), and s_0^2 1 1' for each angle: where between
+two steps of its encoder the first one was, no record tells. With U = L^-1 [s_g y, s_t y., s_0 1] and U = Q R,
 w = (I - Q S Q') L^-1 r with S = V diag(1 - (1 + lambda)^-1/2) V', V lambda V' = R R', is the symmetric square root of
 Woodbury's identity: w'w = r' Sigma^-1 r exactly, and w is linear in r.
 """
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
+FROM_ZERO = ("angle", "position")  # what is counted from its first samples
 SAMPLES_PER_FREEDOM = 8.0  # of a coloured residual
 
 
@@ -69,7 +71,7 @@ class RunWhitener:
 
     Attributes:
         filters: One per output.
-        directions: Q V, the orthonormal scatter directions, shape (n_kept, 0 to 2).
+        directions: Q V, the orthonormal scatter directions, shape (n_kept, 0 to 2 and one for each angle).
         shrink: 1 - (1 + lambda)^-1/2 of each.
     """
 
@@ -134,10 +136,13 @@ def run_scale(output: Output, noise: BlockNoise, residual: Vector) -> float:
 def without_scatter(
     run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector], bare: RunWhitener
 ) -> list[Vector]:
-    """Residuals of a run, and for a hit with its own gain and time taken off within three standard deviations."""
+    """Residuals of a run less its angles' zeros, and a hit's own gain and time, all within three standard deviations."""
     residuals = [
         asked_only(o.data - y, below_excitation(run, o)) for o, y in zip(run.outputs, predicted, strict=True)
     ]
+    for k, size in _zero_scatter(run, noise).items():
+        zero = float(np.mean(residuals[k][run.outputs[k].mask]))
+        residuals[k] = residuals[k] - np.clip(zero, -3.0 * size, 3.0 * size)
     if not is_hit(run):
         return residuals
     gain, shift = own_scatter(run, predicted, bare)
@@ -174,6 +179,24 @@ def is_hit(run: PreparedRun) -> bool:
     return bool(np.any(force)) and float(np.mean(force > 0.05 * force.max())) < 0.2
 
 
+def _zero_scatter(run: PreparedRun, noise: NoiseModel) -> dict[int, float]:
+    """s_0 of each output that is an angle: its encoder's step, or its noise where that is more."""
+    return {
+        k: max(quantum(o), noise.blocks[block_key(run, o)].marginal)
+        for k, o in enumerate(run.outputs)
+        if o.quantity in FROM_ZERO and o.mask.any()
+    }
+
+
+def _zeros(run: PreparedRun, noise: NoiseModel) -> list[NDArray[np.float64]]:
+    """[s_0 1] of each angle, in the rows of its output, shapes (n, n_angles)."""
+    scatter = _zero_scatter(run, noise)
+    columns = [np.zeros((len(o.data), len(scatter))) for o in run.outputs]
+    for place, (k, size) in enumerate(scatter.items()):
+        columns[k][:, place] = size
+    return columns
+
+
 def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArray[np.float64]]:
     """[y, dy/dt] of each output, y counted from its first sample, shapes (n, 2)."""
     return [departure_columns(y, output.rate) for output, y in zip(run.outputs, predicted, strict=True)]
@@ -201,10 +224,21 @@ def run_whitener(run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector
         return bare
     residuals = without_scatter(run, noise, predicted, bare)
     bare = _bare(run, blocks, [run_scale(o, b, r) for o, b, r in zip(run.outputs, blocks, residuals, strict=True)])
-    if not is_hit(run):
+    return marginalised(run, noise, predicted, bare)
+
+
+def marginalised(
+    run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector], bare: RunWhitener
+) -> RunWhitener:
+    """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain and time."""
+    columns = _zeros(run, noise)
+    if is_hit(run):
+        spread = np.array([noise.gain, noise.timing])
+        scatter = [c * spread for c in scatter_columns(run, predicted)]
+        columns = [np.concatenate(pair, axis=1) for pair in zip(scatter, columns, strict=True)]
+    if not any(c.shape[1] for c in columns):
         return bare
-    u = bare.filter(scatter_columns(run, predicted)) * np.array([noise.gain, noise.timing])
-    q, r = np.linalg.qr(u)
+    q, r = np.linalg.qr(bare.filter(columns))
     eigenvalues, vectors = np.linalg.eigh(r @ r.T)
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + np.maximum(eigenvalues, 0.0))
     return RunWhitener(bare.filters, q @ vectors, shrink)

@@ -14,6 +14,8 @@ from jointscope.experiments.plot_style import BAND, MEASURED, PREDICTED, QUIET, 
 
 Real = NDArray[np.float64]
 WIDTH = 1.0  # Hz over which spectra are smoothed for the eye
+FAINT = 0.01  # of the band's largest, below which a ratio does not set the scale
+RATIO_WIDTH = 4.0  # Hz over which their ratio is: between the lines of a motion there is little to compare
 
 
 def draw(told: Told, path: Path) -> None:
@@ -29,18 +31,18 @@ def draw(told: Told, path: Path) -> None:
         save(figure, path)
 
 
-def _smooth(power: Real, resolution: float) -> Real:
-    n = max(1, round(WIDTH / resolution)) | 1
+def _smooth(power: Real, resolution: float, width: float) -> Real:
+    n = max(1, round(width / resolution)) | 1
     padded = np.pad(power, n // 2, mode="edge")
     return np.asarray(np.sqrt(np.convolve(padded, np.ones(n) / n, mode="valid")))
 
 
-def _sizes(told: Told, which: str) -> tuple[Real, Real]:
-    """Frequencies and root mean square over the held-out runs of the smoothed magnitude."""
+def _sizes(told: Told, which: str, width: float) -> tuple[Real, Real]:
+    """Frequencies and root mean square over the held-out runs of the magnitude, smoothed over ``width`` [Hz]."""
     curves = told.curves
     f = curves[0].measured.frequency
     power = np.mean([np.abs(getattr(curve, which).amplitude) ** 2 for curve in curves], axis=0)
-    return f, _smooth(power, float(f[1]))
+    return f, _smooth(power, float(f[1]), width)
 
 
 def _spectra(axes: Axes, told: Told) -> None:
@@ -52,7 +54,7 @@ def _spectra(axes: Axes, told: Told) -> None:
         ("after", "with what was named", THIRD, "-"),
     )
     for which, label, colour, dash in lines:
-        f, size = _sizes(told, which)
+        f, size = _sizes(told, which, WIDTH)
         keep = (f >= low) & (f <= high)
         axes.semilogy(f[keep], size[keep], color=colour, linestyle=dash, label=label)
     axes.set(xlabel="frequency [Hz]", ylabel="arm acceleration [m/s$^2$]", xlim=(low, high),
@@ -62,14 +64,17 @@ def _spectra(axes: Axes, told: Told) -> None:
 
 def _ratios(axes: Axes, told: Told) -> None:
     low, high = told.mismatch.shown
-    f, measured = _sizes(told, "measured")
+    f, measured = _sizes(told, "measured", RATIO_WIDTH)
     keep = (f >= low) & (f <= high)
+    stated = (f >= told.mismatch.band[0]) & (f <= told.mismatch.band[1])
+    stated &= measured > FAINT * np.max(measured[stated])
     axes.axvspan(*told.mismatch.band, color=BAND, alpha=0.35, linewidth=0)
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
     largest = 0.0
     for which, colour, dash in (("before", PREDICTED, "--"), ("after", THIRD, "-")):
-        size = _sizes(told, which)[1]
+        size = _sizes(told, which, RATIO_WIDTH)[1]
         ratio = 20.0 * np.log10(np.maximum(size, 1e-12) / np.maximum(measured, 1e-12))
+        largest = max(largest, float(np.max(np.abs(ratio[stated]))))
         axes.plot(
             f[keep],
             ratio[keep],

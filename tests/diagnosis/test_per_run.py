@@ -1,8 +1,10 @@
 """Effects that act in some runs: a drift takes even steps, in an order that the campaign's own does not change."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
-from jointscope.diagnosis.per_run import drifting
+from jointscope.diagnosis.per_run import drifting, loaded
 
 ERRORS = np.full(16, 1e-4)
 
@@ -30,3 +32,33 @@ def test_outliers_are_no_drift():
     assert drifting(steps, ERRORS) is None
     assert drifting(1e-4 * rng.standard_normal(16), ERRORS) is None
     assert drifting(np.array([0.0, 1.0, 2.0]), ERRORS[:3]) is None
+
+
+def campaign(*experiments):
+    return SimpleNamespace(runs=[SimpleNamespace(run=SimpleNamespace(experiment=e)) for e in experiments])
+
+
+def test_every_experiment_is_sorted_by_its_own_two_groups():
+    """Sweeps whose inertia is off as a whole, by more than the payload, do not blur who carries it among the hits."""
+    rng = np.random.default_rng(6)
+    carries = np.array([0, 1, 0, 0, 1, 1, 0, 1, 0, 1, 1, 0, 0, 1], bool)
+    problem = campaign(*["hammer"] * 9, *["torque-sweep"] * 5)
+    errors = np.full(14, 1e-4)
+    inertia = 2e-3 * carries + 1e-4 * rng.standard_normal(14)
+    inertia[9:] -= 1.8e-3
+    members, step = loaded(problem, inertia, errors)
+    assert np.array_equal(members, carries)
+    assert np.isclose(step, 2e-3, rtol=0.1)
+    alone, _ = loaded(
+        problem, np.where(np.arange(14) < 9, inertia, 1e-3), np.where(np.arange(14) < 9, errors, np.inf)
+    )
+    assert np.array_equal(alone, carries & (np.arange(14) < 9))
+
+
+def test_steps_that_differ_are_no_payload_of_the_other_experiment():
+    """Sweeps that part by a tenth of what the hits do are sorted by the hits' cut: all of them without it."""
+    rng = np.random.default_rng(8)
+    inertia = np.r_[np.repeat([0.0, 2e-3], 5), np.repeat([0.0, 2e-4], 3)] + 1e-5 * rng.standard_normal(16)
+    members, _ = loaded(campaign(*["hammer"] * 10, *["torque-sweep"] * 6), inertia, np.full(16, 1e-5))
+    assert members[5:10].all() and members.sum() == 5
+    assert loaded(campaign(*["hammer"] * 16), 1e-4 * rng.standard_normal(16), ERRORS) is None

@@ -101,6 +101,21 @@ def test_a_clipped_run_is_always_among_the_few(problem):
     assert saturation.scale(clipped)[0] == level
 
 
+def test_the_few_hold_runs_on_either_side_of_a_payload(problem):
+    """Among runs that all carry it, or none, it can't be seen; a weighting that is spread already adds nothing."""
+    hit = next(run for run in problem.runs if run.run.experiment == "hammer")
+    takes = [replace(hit.outputs[0], data=size * hit.outputs[0].data) for size in np.linspace(1.0, 2.0, 12)]
+    many = replace(problem, runs=tuple(replace(hit, outputs=(take, *hit.outputs[1:])) for take in takes))
+    positions = tuple(range(12))
+    few = representative(many, positions, 2, 1)
+    carries = [i for i in positions if i not in few][:4]
+    weights = [float(i in carries) for i in positions]
+    chosen = representative(many, positions, 2, 1, [weights])
+    assert set(few) < set(chosen) and len(set(chosen) & set(carries)) == 2
+    assert representative(many, chosen, 12, 1, [weights]) == chosen  # spread already
+    assert set(representative(many, few, 2, 1, [weights])) == set(few)  # of the fitted runs only
+
+
 def test_orders_are_held_only_of_what_is_new(problem):
     line = next(s for s in catalogue(problem) if s.variant == "cogging")
     dry = next(s for s in catalogue(problem) if (s.name, s.location) == ("coulomb-friction", "motor"))

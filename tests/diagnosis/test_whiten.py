@@ -50,6 +50,35 @@ def test_whitened_energy_is_the_quadratic_form_of_the_full_covariance():
     assert np.isclose(w @ w, (filtered @ r) @ np.linalg.solve(covariance, filtered @ r), rtol=1e-9)
 
 
+def test_an_encoder_says_nothing_of_where_between_two_steps_it_began():
+    """w'w = r' (s^2 + s_0^2 1 1')^-1 r with s_0 the step: half a step's offset costs 4 nats at most, and not one a sample."""
+    rng = np.random.default_rng(7)
+    step = 1e-5
+    true = 3e-4 * ringing(4000) / 30.0
+    data = step * np.round(true / step)
+    run = hit(data, quantity="angle")
+    run.outputs[0].step, run.outputs[0].followed_to = step, 3.0
+    sigma = step / np.sqrt(12.0)
+    key = block_key(run, run.outputs[0])
+    noise = NoiseModel({key: BlockNoise(np.array([1.0]), sigma, sigma, 0.0)}, gain=0.02, timing=4e-5)
+    whitener = run_whitener(run, noise, (true,))
+    own = whitener.filters[0].sigma
+    r = sigma * rng.standard_normal(data.size)
+    u = (
+        np.column_stack([scatter_columns(run, (true,))[0] * np.array([0.02, 4e-5]), np.full(data.size, step)])
+        / own
+    )
+    expected = (r / own) @ np.linalg.solve(np.eye(data.size) + u @ u.T, r / own)
+    w = whitener([r])[:, 0]
+    assert np.isclose(w @ w, expected, rtol=1e-9)
+    offset = whitener([r + 0.5 * step])[:, 0]
+    assert abs(offset @ offset - w @ w) < 8.0  # 2 nats are chi square's 4
+    bare = whitener.filter([r + 0.5 * step])[:, 0]
+    assert bare @ bare - w @ w > 0.5 * data.size
+    moved = whitener([r + 0.5 * step * np.sin(np.arange(data.size) / 20.0)])[:, 0]
+    assert moved @ moved - w @ w > 0.2 * data.size  # anything else than a constant is as loud as before
+
+
 def test_an_autoregressive_process_is_recovered_and_white_noise_gets_no_filter():
     """Yule-Walker with BIC: the coefficients of an AR(2) within 0.03; order 0 for white noise."""
     rng = np.random.default_rng(2)
