@@ -130,6 +130,9 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     leading = sorted(everything[1:], key=lambda h: h.loss)[:ELSEWHERE]
     everything[0] = from_elsewhere(objective, everything[0], leading)
     everything.extend(parts_of(objective, min(everything, key=lambda h: h.loss)))
+    alone = min((h.loss for h in everything if len(h.names) == 1), default=math.inf)
+    for pair in [h for h in everything if len(h.names) == 2 and h.loss < alone]:
+        everything.extend(parts_of(objective, pair, {h.names for h in everything}))
     everything.extend(twins(objective.problem, everything))
     held = replace(objective, runs=held_runs, whiteners=())
     held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.per_run import labelling_cost
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.rivals import without
-from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.search import Hypothesis, names_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.coordinates import Coordinates
@@ -67,14 +67,18 @@ def from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hyp
     return polished(objective, replace(base, fit=best))
 
 
-def parts_of(objective: Objective, leader: Hypothesis) -> list[Hypothesis]:
-    """Every smaller set of the leading one's effects, refitted from its numbers.
+def parts_of(
+    objective: Objective, leader: Hypothesis, known: Collection[tuple[str, ...]] = ()
+) -> list[Hypothesis]:
+    """Every smaller set of the leading one's effects, refitted from its numbers, but for those of ``known`` names.
 
     No effect may stand on having shown its companions the way to their better optimum.
     """
     found = []
     for size in range(1, len(leader.specs)):
         for dropped in itertools.combinations(range(len(leader.specs)), size):
+            if names_of(spec for k, spec in enumerate(leader.specs) if k not in dropped) in known:
+                continue
             fit = leader.fit
             for position in reversed(dropped):
                 fit = without(objective, fit, position)
