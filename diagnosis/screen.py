@@ -7,8 +7,9 @@ first order with every parent parameter refitted (B.2, stage 5). Only simulation
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ class Trial:
     Attributes:
         active: The effect as simulated.
         direction: P s / |P s|, shape (n,), single precision.
+        size: |P s|.
         gain: Decrease of w'w to first order, 0 where the sign is not admitted.
         factor: Amplitude that minimises w'w, relative to the one tried.
         absorbed: Share of |s|^2 that the parents' parameters reproduce.
@@ -43,6 +45,7 @@ class Trial:
 
     active: ActiveEffect
     direction: NDArray[np.float32]
+    size: float
     gain: float
     factor: float
     absorbed: float
@@ -132,7 +135,8 @@ def score(active: ActiveEffect, departure: Vector, parents: Tangent) -> Trial | 
     gain = inner**2 / left
     if factor <= 0.0 and one_sided(active.spec):
         gain, factor = 0.0, 0.0
-    return Trial(active, (s / np.sqrt(left)).astype(np.float32), gain, factor, 1.0 - left / whole)
+    size = math.sqrt(left)
+    return Trial(active, (s / size).astype(np.float32), size, gain, factor, 1.0 - left / whole)
 
 
 def screen(
@@ -190,8 +194,21 @@ def _honest(trial: Trial) -> float:
     return trial.gain * (1.0 - (1.0 - trial.factor) ** 2) if trial.factor > 0.0 else 0.0
 
 
-def pair_gains(trials: Sequence[Trial], w: Vector) -> list[tuple[float, int, int]]:
-    """(gain, i, j) of every pair of trials of different candidates, best first: both amplitudes free."""
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two trials of different candidates, both amplitudes free.
+
+    Attributes:
+        gain: Decrease of w'w to first order.
+        trials: With the factors that they ask for together: look-alikes may each be there and hide the other.
+    """
+
+    gain: float
+    trials: tuple[Trial, Trial]
+
+
+def pairs(trials: Sequence[Trial], w: Vector) -> list[Pair]:
+    """Every pair of trials of different candidates, best first."""
     if len(trials) < 2:
         return []
     d = np.stack([t.direction for t in trials], axis=1)
@@ -209,5 +226,8 @@ def pair_gains(trials: Sequence[Trial], w: Vector) -> list[tuple[float, int, int
             b = (inner[j] - gram[i, j] * inner[i]) / determinant
             if (a <= 0.0 and one_sided(trials[i].spec)) or (b <= 0.0 and one_sided(trials[j].spec)):
                 continue
-            found.append((float(a * inner[i] + b * inner[j]), i, j))
-    return sorted(found, key=lambda f: -f[0])
+            found.append((float(a * inner[i] + b * inner[j]), i, j, float(a), float(b)))
+    return [
+        Pair(gain, (replace(trials[i], factor=a / trials[i].size), replace(trials[j], factor=b / trials[j].size)))
+        for gain, i, j, a, b in sorted(found, key=lambda f: -f[0])
+    ]

@@ -22,7 +22,7 @@ from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.screen import (
     Trial,
     best_per_spec,
-    pair_gains,
+    pairs,
     refined,
     resized,
     screen,
@@ -197,6 +197,7 @@ class Screening:
         trials: Every trial that was simulated, over ``positions`` of the arena's runs, in the order of the candidates.
         objective: Those runs under the noise of that time.
         w: P w of the base over the arena's runs.
+        w_few: The same over ``positions``.
     """
 
     leading: tuple[Trial, ...]
@@ -204,6 +205,7 @@ class Screening:
     positions: tuple[int, ...]
     objective: Objective
     w: Vector
+    w_few: Vector
 
 
 def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort) -> Screening:
@@ -214,12 +216,13 @@ def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffe
     )
     positions = tuple(i for i, run in enumerate(objective.runs) if run in chosen)
     few, rows = objective.restricted(positions), objective.rows(positions)
-    trials = screen(few, parent, tangent(parent.w[rows], parent.jacobian[rows]), parent.w[rows], candidates)
+    parents_few = tangent(parent.w[rows], parent.jacobian[rows])
+    trials = screen(few, parent, parents_few, parent.w[rows], candidates)
     parents = tangent(parent.w, parent.jacobian)
     best = [t.active for t in best_per_spec(trials)[: effort.refine]]
     again = best_per_spec(screen(objective, parent, parents, parent.w, best))
     leading = refined(objective, parent, parents, parent.w, again)
-    return Screening(tuple(leading), tuple(trials), positions, few, parents.w)
+    return Screening(tuple(leading), tuple(trials), positions, few, parents.w, parents_few.w)
 
 
 def rescreen(
@@ -317,22 +320,27 @@ def _fit_leading(
 def fit_pairs(
     objective: Objective, base: Fit, screening: Screening, known: Sequence[tuple[str, ...]], effort: Effort
 ) -> list[Hypothesis]:
-    """Fit the pairs that explain most to first order and are not reached from the leading singles."""
-    leading = list(screening.leading[: effort.refine])
+    """Fit the pairs that explain most to first order and are not reached from the leading singles.
+
+    Among the leading candidates, and among all: two that undo each other may each explain nothing alone.
+    """
     found: list[Hypothesis] = []
     seen = set(known)
-    tried = 0
-    for gain, i, j in pair_gains(leading, screening.w):
-        names = names_of((leading[i].spec, leading[j].spec))
-        if tried == effort.pairs or gain < effort.worth:
-            break
-        if names in seen or len(names) < 2 or contained(names[0], names[1:]):
-            continue
-        seen.add(names)
-        tried += 1
-        fit = fit_child(objective, base, [at_own_size(leading[i]), at_own_size(leading[j])], effort)
-        if fit is not None:
-            found.append(Hypothesis((leading[i].spec, leading[j].spec), fit, profile_loss(objective, fit.w)))
+    pools = (screening.leading[: effort.refine], screening.w), (best_per_spec(screening.trials), screening.w_few)
+    for trials, w in pools:
+        tried = 0
+        for pair in pairs(trials, w):
+            specs = tuple(trial.spec for trial in pair.trials)
+            names = names_of(specs)
+            if tried == effort.pairs or pair.gain < effort.worth:
+                break
+            if names in seen or len(names) < 2 or contained(names[0], names[1:]):
+                continue
+            seen.add(names)
+            tried += 1
+            fit = fit_child(objective, base, [at_own_size(trial) for trial in pair.trials], effort)
+            if fit is not None:
+                found.append(Hypothesis(specs, fit, profile_loss(objective, fit.w)))
     return found
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.screen import pair_gains, score, tangent, trial_effects
+from jointscope.diagnosis.screen import pairs, score, tangent, trial_effects
 
 
 def effect(lower=-1.0):
@@ -57,7 +57,26 @@ def test_pair_gain_is_the_two_amplitude_least_squares():
     trials = [score(effect(), c, parents) for c in columns]
     both = np.column_stack([jacobian, *columns])
     left = w - both @ np.linalg.lstsq(both, w, rcond=None)[0]
-    assert np.isclose(pair_gains(trials, parents.w)[0][0], w @ w - left @ left, rtol=1e-4)
+    best = pairs(trials, parents.w)[0]
+    assert np.isclose(best.gain, w @ w - left @ left, rtol=1e-4)
+    together = np.linalg.lstsq(both, w, rcond=None)[0][-2:]
+    assert np.allclose([t.factor for t in best.trials], together, rtol=1e-3)
+
+
+def test_a_pair_that_undoes_itself_is_found_though_neither_explains_anything_alone():
+    """w = 10 (s_1 - s_2) with s_1 and s_2 nearly alike, and w seen by neither."""
+    rng, jacobian, _ = problem()
+    common, apart = rng.standard_normal((2, len(jacobian)))
+    first, second = common + 0.04 * apart, common - 0.04 * apart
+    parents = tangent(10.0 * (first - second), jacobian)
+    trials = [score(effect(), s, parents) for s in (first, second)]
+    assert max(t.gain for t in trials) < 0.1 * parents.w @ parents.w
+    assert pairs(trials, parents.w) == []  # less than 0.02 of either is its own
+    first, second = common + 0.3 * apart, common - 0.3 * apart
+    trials = [score(effect(), s, parents) for s in (first, second)]
+    best = pairs(trials, parents.w)[0]
+    assert max(t.gain for t in trials) < 0.3 * best.gain
+    assert np.isclose(best.gain, parents.w @ parents.w, rtol=1e-3)
 
 
 def test_sizes_below_the_smallest_are_tenths_of_it():
