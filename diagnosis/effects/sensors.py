@@ -196,7 +196,7 @@ SPECS: tuple[EffectSpec, ...] = (
         exact=True,
         parameters=(ParameterSpec("gain", "1", 0.2, 5.0, null=1.0),),
         law="gain y",
-        revealed_by=("hammer", "torque-sweep"),
+        revealed_by=("hammer", "torque-sweep", "speed-motion"),  # whose acceleration the encoders know
         look_alikes=("torque-gain", "sensor-tilt"),
         apply=_accelerometer_gain,
         scale=lambda problem: (1.01, 1.04, 1.12),
