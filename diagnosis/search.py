@@ -38,6 +38,7 @@ Vector = NDArray[np.float64]
 
 CONTAINED = (("coulomb-friction", "stribeck-friction"),)
 THINNED = 3  # every third of a grid of lines or modes is kept where the residual itself shows where to start
+TOGETHER = 1.2  # times what its members explain alone, that a pair explains which no search from either would meet
 NEARLY_NOTHING = 0.02  # of the amplitude the screening asked for: the safe start
 
 
@@ -322,14 +323,20 @@ def fit_pairs(
 ) -> list[Hypothesis]:
     """Fit the pairs that explain most to first order and are not reached from the leading singles.
 
-    Among the leading candidates, and among all: two that undo each other may each explain nothing alone.
+    Among the leading candidates, and among all those that undo each other: each may explain nothing alone.
     """
     found: list[Hypothesis] = []
     seen = set(known)
-    pools = (screening.leading[: effort.refine], screening.w), (best_per_spec(screening.trials), screening.w_few)
-    for trials, w in pools:
+    everything = best_per_spec(screening.trials)
+    alone = max((trial.gain for trial in everything), default=0.0)
+    undoing = [
+        pair
+        for pair in pairs(everything, screening.w_few)
+        if pair.gain > max(alone, TOGETHER * sum(trial.gain for trial in pair.trials))
+    ]
+    for pool in (pairs(screening.leading[: effort.refine], screening.w), undoing):
         tried = 0
-        for pair in pairs(trials, w):
+        for pair in pool:
             specs = tuple(trial.spec for trial in pair.trials)
             names = names_of(specs)
             if tried == effort.pairs or pair.gain < effort.worth:
