@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis import search
 from jointscope.diagnosis.acquisition import relogged
 from jointscope.diagnosis.answer import diagnosis_json
 from jointscope.diagnosis.base import representative
@@ -18,6 +19,7 @@ from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.resolution import PLATEAU, clips
+from jointscope.diagnosis.screen import score, tangent
 from jointscope.diagnosis.search import candidates_for, with_orders_held
 from jointscope.recordings.bandlimited import bandlimited
 
@@ -172,3 +174,35 @@ def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_e
         judgement=SimpleNamespace(base=base, noise=None),
     )  # fmt: skip
     assert (no_worse.handed_on(diagnosis, None).decision.verdict == "effects") is kept
+
+
+def screened(*columns, w):
+    """Trials of one law each, as a screening has them, over orthonormal parents."""
+    trials = []
+    for k, s in enumerate(columns):
+        parameter = SimpleNamespace(name="amplitude", null=0.0, lower=-1.0, upper=1.0, log=False)
+        spec = SimpleNamespace(
+            name=f"law-{k}", location="load", parameters=(parameter,), amplitude=0, proportional=()
+        )
+        active = SimpleNamespace(spec=spec, values=(0.1,))
+        trials.append(score(active, s, tangent(w, np.zeros((len(w), 1)))))
+    return trials
+
+
+@pytest.mark.parametrize(("apart", "fitted"), [(0.3, [("law-0", "law-1")]), (3.0, [])])
+def test_pairs_that_undo_each_other_are_fitted_though_neither_leads(monkeypatch, apart, fitted):
+    """A pair that explains a fifth more than its members do alone; not one whose members are found one by one."""
+    rng = np.random.default_rng(9)
+    common, own, other = rng.standard_normal((3, 400))
+    w = 30.0 * own + 20.0 * other / np.linalg.norm(other)
+    trials = screened(common + apart * own, common - apart * own, other, w=w)
+    asked = []
+    monkeypatch.setattr(
+        search,
+        "fit_child",
+        lambda objective, base, actives, effort: asked.append(tuple(a.spec.name for a in actives)),
+    )
+    monkeypatch.setattr(search, "at_own_size", lambda trial: trial.active)
+    screening = search.Screening((trials[2],), tuple(trials), (), None, w, w)
+    assert search.fit_pairs(None, None, screening, [], search.Effort(pairs=1)) == []
+    assert asked == fitted
