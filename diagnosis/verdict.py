@@ -29,7 +29,7 @@ NEARER = 0.25  # of half the squared distance of their predictions, which is wha
 SAME = 30.0  # nats of distance within which two predictions of a much stronger effect are the same
 WIDER = (*CONTAINED, ("base-compliance", "neighbour-flexibility"))  # law, and one that contains it
 CONTAINING = 8.0  # nats by which a law that contains another must lead it ...
-OF_CONTAINED = 1e-4  # ... or this share of what that one explains: no form is exact to less
+OF_CONTAINED = 5e-5  # ... or this share of what that one explains: no form is exact to less
 SPARING = (
     0.0,
     0.0,
