@@ -35,6 +35,7 @@ from jointscope.diagnosis.search import (
     name_of,
     profile_loss,
     screen_on,
+    weightings,
 )
 
 if TYPE_CHECKING:
@@ -62,10 +63,10 @@ class Arena:
     hypotheses: tuple[Hypothesis, ...]
 
 
-def opened(stage: Stage, effort: Effort, weightings: Sequence[Sequence[float]]) -> Arena:
-    """The arena on a few runs of every kind and on either side of ``weightings``, the base refitted to them."""
+def opened(stage: Stage, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
+    """The arena on a few runs of every kind, and on runs that ``candidates`` tell apart; the base refitted to them."""
     problem, fitted = stage.objective.problem, stage.objective.runs
-    runs = representative(problem, fitted, effort.hits, effort.others, weightings)
+    runs = representative(problem, fitted, effort.hits, effort.others, weightings(candidates))
     positions = [i for i, run in enumerate(stage.objective.runs) if run in runs]
     objective = stage.objective.restricted(positions)
     rows = stage.objective.rows(positions)
@@ -174,9 +175,8 @@ def explore(
 ) -> tuple[Screening, tuple[Hypothesis, ...]]:
     """Every hypothesis worth judging."""
     problem = stage.objective.problem
-    by_run = per_run_specs(stage, problem)
-    first = opened(stage, effort, [spec.run_weights for spec in by_run if spec.run_weights is not None])
-    candidates = candidates_for(problem, (*specs, *by_run), residuals_of(stage))
+    candidates = candidates_for(problem, (*specs, *per_run_specs(stage, problem)), residuals_of(stage))
+    first = opened(stage, candidates, effort)
     report(f"screening {len(candidates)} trials of {len(specs)} candidate laws")
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
     report("fitting single effects")

@@ -209,11 +209,15 @@ class Screening:
     w_few: Vector
 
 
+def weightings(candidates: Sequence[ActiveEffect]) -> list[tuple[float, ...]]:
+    """The weights of the runs that candidates act in by their own, each shape (n_runs,), without repeats."""
+    return list(dict.fromkeys(a.spec.run_weights for a in candidates if a.spec.run_weights is not None))
+
+
 def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort) -> Screening:
     """Score every candidate on top of ``parent`` over a few runs, the leading ones over all at their own amplitude."""
-    weightings = {a.spec.run_weights for a in candidates if a.spec.run_weights is not None}
     chosen = representative(
-        objective.problem, objective.runs, effort.screen_hits, effort.screen_others, sorted(weightings)
+        objective.problem, objective.runs, effort.screen_hits, effort.screen_others, weightings(candidates)
     )
     positions = tuple(i for i, run in enumerate(objective.runs) if run in chosen)
     few, rows = objective.restricted(positions), objective.rows(positions)

@@ -279,8 +279,13 @@ def test_the_law_that_contains_another_must_lead_it(monkeypatch):
     monkeypatch.setattr(verdict, "standing", lambda judgement: judged[1:])
     monkeypatch.setattr(verdict, "compare", lambda *_: None)
     monkeypatch.setattr(verdict, "distance", lambda *_: 40.0)
-    for lead, named in ((5.0, "coulomb-friction@load"), (30.0, "stribeck-friction@load")):
-        scores = {"coulomb-friction@load": 4000.0, "stribeck-friction@load": 4000.0 + lead}
+    for inner, lead, named in (
+        (4e3, 5.0, "coulomb-friction@load"),
+        (4e3, 30.0, "stribeck-friction@load"),
+        (2e6, 30.0, "coulomb-friction@load"),  # 1.5e-5 of what the narrower one explains: no form is exact to that
+        (2e6, 200.0, "stribeck-friction@load"),
+    ):
+        scores = {"coulomb-friction@load": inner, "stribeck-friction@load": inner + lead}
         monkeypatch.setattr(verdict, "score", lambda judgement, j, scores=scores: scores[j.names[0]])
         assert rank(SimpleNamespace(judged=judged, base=judged[0]))[0].names == (named,)
 
