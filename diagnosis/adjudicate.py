@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import Stage, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
-from jointscope.diagnosis.gates import Comparison
+from jointscope.diagnosis.gates import REAL, Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
 from jointscope.diagnosis.polish import from_elsewhere, occam, parts_of, polished, viewed
@@ -42,6 +42,7 @@ ELSEWHERE = 2  # of them whose base parameters the base is refitted from
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
+APART = 2  # fitted runs that must each show what no held-out run can
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,6 +226,8 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     gain = float(np.sum(raw)) - child.occam + parent.occam
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]
     unreached = any(s.local for s in added) and foretold < UNREACHED * expected
+    if foretold < UNREACHED * gain:  # as where only runs of another experiment are held out
+        unreached |= int(np.sum(raw > REAL)) >= APART
     return Comparison(
         gain=gain,
         held_gain=held_gain,

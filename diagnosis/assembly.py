@@ -201,7 +201,11 @@ def observer_corner(run: PreparedRun) -> float:
 
 
 def close_loop(assembly: Assembly) -> None:
-    """Let the drive's speed law hold the rigid body; a logged torque stays the input above the observer's corner."""
+    """Let the drive's speed law hold the rigid body; a logged torque stays the input above the drift it would cause.
+
+    The law is identified, the torque measured: what is left out of the law (a filter, a limit, a loop around it) must not
+    stand for what is left out of the joint.
+    """
     P, S, run = assembly.P, assembly.S, assembly.run
     S[kernel.AT_LOOP] = S[kernel.N_X]
     S[kernel.N_X] += 1
@@ -210,7 +214,7 @@ def close_loop(assembly: Assembly) -> None:
     P[kernel.LOOP_P] = gain
     P[kernel.LOOP_I] = factor * assembly.base("drive_integral")
     total = P[kernel.J_M] + P[kernel.J_L]
-    P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * OBSERVER_HZ / gain)
+    P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * COMMAND_HZ / gain)
     if assembly.base("drive_limit") > 0.0:
         P[kernel.LOOP_LIMIT] = factor * assembly.base("drive_limit")
 

@@ -47,7 +47,8 @@ class Comparison:
         parents: Effects of the parent: a further effect must explain more, since what a law of the right name but the
             wrong form leaves is always explained by something.
         parent_gain: The parent's gain over the base, fitted and held out [nats].
-        unreached: Whether the child adds an effect of one place (a stop) that no held-out run reaches.
+        unreached: Whether no held-out run can show what the child adds: an effect of one place (a stop), or what
+            several fitted runs show apart from each other.
         rest: Of the energy that the parent leaves in the channel of ``material``, what the child explains [-].
         exact: Whether the parent's laws have one form only, so that no wrong one can be left.
     """

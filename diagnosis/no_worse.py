@@ -9,16 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.diagnosis.adjudicate import compare
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error
+from jointscope.diagnosis.gates import AS_FORETOLD, REAL
 from jointscope.diagnosis.verdict import adequacy_of
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.adjudicate import Judged
+    from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.pipeline import Diagnosis
     from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
-DRIFTING = 0.05  # the same where only angles that drift off whatever the model are worse
+DRIFTING = (
+    0.05  # the same where angles drift off whatever the model, or step by step the runs themselves confirm it
+)
 CLEARLY = 0.9  # of the base's error over what can be foretold, which a named effect must undercut where all in all it is worse
 NEARER = 0.6  # the same of what is left beyond the noise
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
@@ -37,6 +41,12 @@ def clearly_better(told: Sequence[ChannelError], base: Sequence[ChannelError]) -
     return mean_error(told) < CLEARLY * mean_error(base) or _beyond_noise(told) < NEARER * _beyond_noise(base)
 
 
+def confirmed(judgement: Judgement, judged: Judged) -> bool:
+    """Whether the held-out runs, tied to what was recorded, show the effect by themselves."""
+    against = compare(judgement, judgement.base, judged)
+    return against.held_gain > max(REAL, AS_FORETOLD * against.foretold_held)
+
+
 def _beyond_noise(errors: Sequence[ChannelError]) -> float:
     """Mean of what the errors are beyond their floors [-]; the errors themselves where no floor is known."""
     floors = [e.floor if math.isfinite(e.floor) else 0.0 for e in errors]
@@ -51,7 +61,9 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
     unnamed force that does not is left out. Open loop an angle drifts off whatever the model, and a hit has a gain of its
     own: an effect that is worse over all channels stays where it is no worse over those that the model alone tells and
-    little worse as a whole, or where it is clearly better over them.
+    little worse as a whole, or where it is clearly better over them. So it does where those runs confirm it step by step,
+    from the recorded path, and it is little worse as a whole: what grows over a whole run then is an error of something
+    else (a torque log's zero, a drive's law), for or against which the effect works by chance.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -73,8 +85,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     def worse(judged: Judged) -> bool:
         whole, told = error(judged)
         if decision.verdict == "effects":
-            no_matter = mean_error(told) <= mean_error(of_base[1]) and whole < (1.0 + DRIFTING) * of_base[0]
-            if no_matter or clearly_better(told, of_base[1]):
+            no_matter = confirmed(diagnosis.judgement, judged) or mean_error(told) <= mean_error(of_base[1])
+            if (no_matter and whole < (1.0 + DRIFTING) * of_base[0]) or clearly_better(told, of_base[1]):
                 return False
         return whole > (1.0 + WORSE) * of_base[0]
 

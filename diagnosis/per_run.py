@@ -21,7 +21,7 @@ from jointscope.diagnosis.base import Stage
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, with_run_weights
 from jointscope.diagnosis.objective import Objective, Predictions, whitened
-from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.refit import Fit, least_squares
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -32,7 +32,10 @@ Vector = NDArray[np.float64]
 PARTED = 4.0  # distance of two groups over the scatter within, or over the median standard error
 SOFTENED = 0.2  # of all scatter, below which no run's own standard error is believed
 SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
-TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are
+TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are ...
+CLEAR = (
+    10.0  # ... unless they are this many of their own from the others: a payload also reads as noise of its run
+)
 FEWEST = 4  # runs
 ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
@@ -65,8 +68,15 @@ def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
     return step, error
 
 
-def telling(errors: Vector) -> NDArray[np.bool_]:
-    """Runs that say about as much as the others, shape of ``errors``."""
+def telling(values: Vector, errors: Vector) -> NDArray[np.bool_]:
+    """Runs that say about as much as the others, or say it clearly, shape of ``errors``."""
+    sharp = _sharp(errors)
+    if not sharp.any():
+        return sharp
+    return sharp | (np.isfinite(errors) & (np.abs(values - np.median(values[sharp])) > CLEAR * errors))
+
+
+def _sharp(errors: Vector) -> NDArray[np.bool_]:
     known = np.isfinite(errors)
     return known & (errors <= TELLING * np.quantile(errors[known], 0.25)) if known.any() else known
 
@@ -77,7 +87,7 @@ def two_groups(values: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     The cut of the sorted values that leaves least weighted scatter within (2-means in one dimension). A single normal
     population cut so has its halves 2.7 scatters apart, a uniform one 3.5.
     """
-    known = telling(errors)
+    known = telling(values, errors)
     if known.sum() < FEWEST:
         return None
     v, e = values[known], errors[known]
@@ -103,7 +113,7 @@ def drifting(stiffness: Vector, errors: Vector) -> Vector | None:
 
     Where it spreads beyond the estimates' own errors, in about even steps. In which direction time runs is not told.
     """
-    known = telling(errors)
+    known = _sharp(errors)
     if known.sum() < FEWEST or np.std(stiffness[known]) <= SPREAD * np.median(errors[known]):
         return None
     order = np.argsort(np.argsort(stiffness[known]))
@@ -122,14 +132,29 @@ def labelling_cost(spec: EffectSpec) -> float:
     return n * math.log(2.0) if spec.name == PAYLOADS[0].name else math.lgamma(n + 1.0)
 
 
-def loaded(problem: Problem, inertia: Vector, errors: Vector) -> tuple[NDArray[np.bool_], float] | None:
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """Who seems to carry a payload.
+
+    Attributes:
+        members: Runs that do, shape (n_runs,).
+        step: How much it adds, relative [-].
+        sure: Runs that their own experiment's two groups sort, shape (n_runs,): another experiment's level tells less.
+    """
+
+    members: NDArray[np.bool_]
+    step: float
+    sure: NDArray[np.bool_]
+
+
+def loaded(problem: Problem, inertia: Vector, errors: Vector) -> Loaded | None:
     """Who seems to carry a payload and how much it adds, or ``None``.
 
     Every experiment is sorted by its own two groups, as what a model lacks shifts the inertia of one against another's;
     where it has none, by the cut of the experiment that tells most, and where none has any, by the two groups of all.
     """
     kinds = np.array([run.run.experiment for run in problem.runs])
-    ordered = sorted(set(kinds), key=lambda k: -int(np.sum(telling(errors) & (kinds == k))))
+    ordered = sorted(set(kinds), key=lambda k: -int(np.sum(telling(inertia, errors) & (kinds == k))))
     parted = [p for p in (_parted(inertia, errors, kinds == kind) for kind in ordered) if p is not None]
     if not parted:
         everyone = _parted(inertia, errors, np.ones_like(errors, dtype=bool))
@@ -138,10 +163,12 @@ def loaded(problem: Problem, inertia: Vector, errors: Vector) -> tuple[NDArray[n
         return None
     first = parted[0]
     members = np.isfinite(errors) & (inertia > first.cut)
+    sure = np.zeros_like(members)
     for found in parted:
         if 1.0 / ALIKE < found.step / first.step < ALIKE:
             members[found.these] = found.members[found.these]
-    return members, first.step
+            sure |= found.these & found.known
+    return Loaded(members, first.step, sure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +177,14 @@ class _Parted:
 
     Attributes:
         these: The runs, shape (n_runs,).
+        known: Those of them that tell, shape (n_runs,).
         members: Of the upper group, shape (n_runs,).
         cut: Half way between the groups.
         step: From group to group.
     """
 
     these: NDArray[np.bool_]
+    known: NDArray[np.bool_]
     members: NDArray[np.bool_]
     cut: float
     step: float
@@ -166,10 +195,10 @@ def _parted(inertia: Vector, errors: Vector, these: NDArray[np.bool_]) -> _Parte
     members = two_groups(inertia, own)
     if members is None:
         return None
-    known = telling(own)
+    known = telling(inertia, own)
     upper, lower = inertia[known & members], inertia[known & ~members]
     cut = 0.5 * float(upper.min() + lower.max())
-    return _Parted(these, members, cut, float(np.median(upper) - np.median(lower)))
+    return _Parted(these, known, members, cut, float(np.median(upper) - np.median(lower)))
 
 
 def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
@@ -177,15 +206,17 @@ def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     found = loaded(problem, *run_steps(stage, "load_inertia")) if laws else None
     if found is None:
         return ()
-    members, step = found
+    members = found.members
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
-    size = step * float(theta[problem.base.names.index("load_inertia")])
+    size = found.step * float(theta[problem.base.names.index("load_inertia")])
     fullest = laws[-1]
     for _ in range(ASKED):
         asked = _who_carries(stage, with_run_weights(fullest, _weights(members), problem), size)
+        asked = np.where(found.sure, members, asked)
         if asked.all() or not asked.any() or np.array_equal(asked, members):
             break
         members = asked
+    members = _whole_experiments(stage, fullest, members, found.sure, size)
     return tuple(with_run_weights(spec, _weights(members), problem) for spec in laws)
 
 
@@ -193,24 +224,50 @@ def _weights(members: NDArray[np.bool_]) -> tuple[float, ...]:
     return tuple(float(m) for m in members)
 
 
-def _who_carries(stage: Stage, spec: EffectSpec, size: float) -> NDArray[np.bool_]:
-    """Which runs are nearer to what the fitted payload predicts with it than without, shape (n_runs,)."""
-    problem = stage.objective.problem
-    where = coordinates(problem, (spec,))
+def _fitted(stage: Stage, spec: EffectSpec, size: float) -> Fit:
+    """A payload of about ``size`` [kg m^2 or kg] beside the base, roughly fitted."""
+    where = coordinates(stage.objective.problem, (spec,))
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
-    start = ActiveEffect(spec, (size, *spec.starts(problem)[0]))
-    fit = least_squares(
+    start = ActiveEffect(spec, (size, *spec.starts(stage.objective.problem)[0]))
+    return least_squares(
         stage.objective, where, where.pack(theta, (start,)), iterations=5, tolerance=1e-2, simulations=40
     )
-    theta, (payload,) = where.unpack(fit.x)
+
+
+def _who_carries(stage: Stage, spec: EffectSpec, size: float) -> NDArray[np.bool_]:
+    """Which runs are nearer to what the fitted payload predicts with it than without, shape (n_runs,)."""
+    fit = _fitted(stage, spec, size)
+    theta, (payload,) = fit.coordinates.unpack(fit.x)
     everything, _ = _all_runs(stage)
     misfits = []
     for weight in (0.0, 1.0):
-        all_alike = replace(spec, run_weights=(weight,) * len(problem.runs))
+        all_alike = replace(spec, run_weights=(weight,) * len(stage.objective.problem.runs))
         predictions = everything.predictions(theta, (ActiveEffect(all_alike, payload.values),))
         left = [everything.whiten_run(i, y) for i, y in enumerate(predictions)]
         misfits.append([float(w @ w) for w in left])
     return np.asarray(np.array(misfits[1]) < np.array(misfits[0]))
+
+
+def _whole_experiments(
+    stage: Stage, spec: EffectSpec, members: NDArray[np.bool_], sure: NDArray[np.bool_], size: float
+) -> NDArray[np.bool_]:
+    """The same where experiments that show no two groups carry it in every run or in none, if that fits better.
+
+    Run by run it can't be asked of them: the base's other parameters have come to terms with it.
+    """
+    problem = stage.objective.problem
+    kinds = np.array([run.run.experiment for run in problem.runs])
+    best: Fit | None = None
+    for kind in sorted(set(kinds) - set(kinds[sure])):
+        for every in (False, True):
+            trial = np.where(kinds == kind, every, members)
+            if trial.all() or not trial.any() or np.array_equal(trial, members):
+                continue
+            best = best or _fitted(stage, with_run_weights(spec, _weights(members), problem), size)
+            fit = _fitted(stage, with_run_weights(spec, _weights(trial), problem), size)
+            if fit.chi2 < best.chi2:
+                best, members = fit, trial
+    return members
 
 
 def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:

@@ -14,7 +14,7 @@ from jointscope.models.effects import acquisition, drive, friction, load, modes,
 from jointscope.models.effects.building import Building, Parameters, begin
 
 FORMAT = "jointscope-effects/1"
-DRIFT_HZ = 3.0  # below it the drive's law holds the rigid body in a replay, above it the logged torque acts
+DRIFT_HZ = 0.3  # below it the drive's law holds the rigid body in a replay, above it the logged torque acts
 
 Writer = Callable[[Building, str, str, Parameters], str]
 

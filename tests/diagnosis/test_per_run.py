@@ -46,19 +46,32 @@ def test_every_experiment_is_sorted_by_its_own_two_groups():
     errors = np.full(14, 1e-4)
     inertia = 2e-3 * carries + 1e-4 * rng.standard_normal(14)
     inertia[9:] -= 1.8e-3
-    members, step = loaded(problem, inertia, errors)
-    assert np.array_equal(members, carries)
-    assert np.isclose(step, 2e-3, rtol=0.1)
-    alone, _ = loaded(
+    found = loaded(problem, inertia, errors)
+    assert np.array_equal(found.members, carries)
+    assert np.isclose(found.step, 2e-3, rtol=0.1)
+    assert found.sure.all()
+    alone = loaded(
         problem, np.where(np.arange(14) < 9, inertia, 1e-3), np.where(np.arange(14) < 9, errors, np.inf)
     )
-    assert np.array_equal(alone, carries & (np.arange(14) < 9))
+    assert np.array_equal(alone.members, carries & (np.arange(14) < 9))
 
 
 def test_steps_that_differ_are_no_payload_of_the_other_experiment():
     """Sweeps that part by a tenth of what the hits do are sorted by the hits' cut: all of them without it."""
     rng = np.random.default_rng(8)
     inertia = np.r_[np.repeat([0.0, 2e-3], 5), np.repeat([0.0, 2e-4], 3)] + 1e-5 * rng.standard_normal(16)
-    members, _ = loaded(campaign(*["hammer"] * 10, *["torque-sweep"] * 6), inertia, np.full(16, 1e-5))
-    assert members[5:10].all() and members.sum() == 5
+    found = loaded(campaign(*["hammer"] * 10, *["torque-sweep"] * 6), inertia, np.full(16, 1e-5))
+    assert found.members[5:10].all() and found.members.sum() == 5
+    assert found.sure[:10].all() and not found.sure[10:].any()
     assert loaded(campaign(*["hammer"] * 16), 1e-4 * rng.standard_normal(16), ERRORS) is None
+
+
+def test_runs_whose_own_misfit_reads_as_noise_are_heard_all_the_same():
+    """A payload ten standard errors and more from the others, in runs that tell ten times less than they."""
+    rng = np.random.default_rng(9)
+    carries = np.repeat([False, True], [9, 5])
+    errors = np.where(carries, 1e-4, 1e-5)
+    inertia = 5e-3 * carries + errors * rng.standard_normal(14)
+    found = loaded(campaign(*["hammer"] * 14), inertia, errors)
+    assert np.array_equal(found.members, carries)
+    assert loaded(campaign(*["hammer"] * 14), inertia - 5e-3 * carries, errors) is None

@@ -138,10 +138,9 @@ def test_groups_of_one_experiment_sort_the_others():
     assert two_groups(inertia, errors) is None
     found = loaded(SimpleNamespace(runs=runs), inertia, errors)
     assert found is not None
-    members, step = found
-    assert step == pytest.approx(0.021, abs=0.002)
-    np.testing.assert_array_equal(members[:16], [False] * 5 + [True] * 11)
-    assert not members[-1]
+    assert found.step == pytest.approx(0.021, abs=0.002)
+    np.testing.assert_array_equal(found.members[:16], [False] * 5 + [True] * 11)
+    assert not found.members[-1]
 
 
 def test_hits_that_part_where_motions_tell_more():
@@ -150,8 +149,8 @@ def test_hits_that_part_where_motions_tell_more():
     inertia = np.array([0.01, -0.012, 0.001, *np.repeat([0.0, 0.4], 4)])
     errors = np.array([1e-3] * 3 + [2e-2] * 8)
     found = loaded(SimpleNamespace(runs=runs), inertia, errors)
-    assert found is not None and found[1] == pytest.approx(0.4)
-    np.testing.assert_array_equal(found[0][3:], [False] * 4 + [True] * 4)
+    assert found is not None and found.step == pytest.approx(0.4)
+    np.testing.assert_array_equal(found.members[3:], [False] * 4 + [True] * 4)
 
 
 def test_one_group_is_not_parted():

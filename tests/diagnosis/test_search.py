@@ -142,10 +142,20 @@ def test_a_log_is_undone_alike_before_and_after_it_is_interpolated(kind, log_rat
 
 
 @pytest.mark.parametrize(
-    ("with_effect", "kept"), [((0.05, 20.0), True), ((0.4, 9.0), False), ((0.29, 9.0), False), ((0.29, 6.0), True)]
+    ("with_effect", "held_gain", "kept"),
+    [
+        ((0.05, 20.0), 0.0, True),
+        ((0.4, 9.0), 0.0, False),
+        ((0.29, 9.0), 0.0, False),
+        ((0.29, 6.0), 0.0, True),
+        ((0.31, 7.2), 0.0, False),
+        ((0.31, 7.2), 500.0, True),
+        ((0.31, 7.2), 200.0, False),
+        ((0.4, 9.0), 500.0, False),
+    ],
 )
-def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_effect, kept):
-    """Open loop an angle drifts off whatever the model; what counts is what can be foretold."""
+def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_effect, held_gain, kept):
+    """Open loop an angle drifts off whatever the model; what counts is what can be foretold, and what runs confirm."""
     from jointscope.diagnosis import no_worse
     from jointscope.diagnosis.errors import ChannelError
 
@@ -161,6 +171,8 @@ def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_e
             names=names, fit=SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, effects)))
         )
 
+    against = SimpleNamespace(held_gain=held_gain, foretold_held=1000.0)
+    monkeypatch.setattr(no_worse, "compare", lambda *_: against)
     monkeypatch.setattr(no_worse, "channel_errors", errors)
     monkeypatch.setattr(no_worse, "adequacy_of", lambda *_: None)
     monkeypatch.setattr(no_worse, "replace", lambda thing, **new: SimpleNamespace(**{**vars(thing), **new}))

@@ -308,7 +308,7 @@ def test_the_drives_law_is_referred_to_the_motor_shaft():
     drive = augment(model()).description["drive"]
     assert drive["proportional"] == pytest.approx(0.16) and drive["integral"] == pytest.approx(3.2)
     assert drive["torque_limit"] == pytest.approx(6.0)
-    assert drive["share"] == pytest.approx(12.0 * 2.0 * math.pi * 3.0 / (0.7 * 1600.0))
+    assert drive["share"] == pytest.approx(12.0 * 2.0 * math.pi * 0.3 / (0.7 * 1600.0))
 
 
 @pytest.mark.parametrize(

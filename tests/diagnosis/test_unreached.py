@@ -1,0 +1,49 @@
+"""What no held-out run can show is judged by the fitted runs that show it, each by itself."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from jointscope.diagnosis.adjudicate import compare, judge
+from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.split import split_runs
+
+
+def judged(builders, recorded, sweeps, size):
+    """The case of friction at the motor of ``size`` [-] in sweeps, where only hits with the brake on are held out."""
+    plant = builders.Plant()
+    hits = [builders.hammer_run(plant, 100.0 + 40.0 * k, f"h{k}") for k in range(4)]
+    hits[1:3] = [replace(hit, role="validate") for hit in hits[1:3]]
+    driven = [builders.sweep_run(plant, 40.0 + 5.0 * k, f"s{k}") for k in range(sweeps)]
+    own = recorded(prepare(builders.campaign_of([*hits, *driven])), 0.02, seed=3)
+    spec = next(s for s in catalogue(own) if (s.name, s.location) == ("coulomb-friction", "motor"))
+    active = ActiveEffect(spec, (size * spec.scale(own)[1], *spec.starts(own)[0]))
+    runs = []
+    for run in own.runs:
+        plain = predict_outputs(run, own.base.start, (), own)
+        rubbed = predict_outputs(run, own.base.start, (active,), own)
+        outputs = zip(run.outputs, plain, rubbed, strict=True)
+        runs.append(replace(run, outputs=tuple(replace(o, data=o.data + z - y) for o, y, z in outputs)))
+    own = replace(own, runs=tuple(runs))
+    split, where = split_runs(own), coordinates(own, (spec,))
+    with ThreadPoolExecutor(1) as pool:
+        stage = refit_base(own, predict_outputs, split.estimate, pool)
+        fit = least_squares(stage.objective, where, where.pack(own.base.start, (active,)))
+        judgement = judge(stage, [Hypothesis((spec,), fit, 0.5 * fit.chi2)], split.held_out)
+    child = next(j for j in judgement.judged if j.names)
+    return compare(judgement, judgement.base, child)
+
+
+@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.03, True), (1, 0.03, False), (3, 0.0, False)])
+def test_what_only_fitted_runs_can_show_takes_two_of_them(builders, recorded, sweeps, size, stands):
+    against = judged(builders, recorded, sweeps, size)
+    assert against.foretold_held < 20.0
+    assert against.stands is stands
+    assert against.unreached is stands
