@@ -11,6 +11,7 @@ for a choice of members, ln n! for an order.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -140,6 +141,7 @@ class Loaded:
         members: Runs that do, shape (n_runs,).
         step: How much it adds, relative [-].
         sure: Runs that their own experiment's two groups sort, shape (n_runs,): another experiment's level tells less.
+            Where no experiment has two, those that the two groups of all sort.
     """
 
     members: NDArray[np.bool_]
@@ -216,7 +218,7 @@ def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
         if asked.all() or not asked.any() or np.array_equal(asked, members):
             break
         members = asked
-    members = _whole_experiments(stage, fullest, members, found.sure, size)
+    members = _whole_experiments(stage, laws, members, found.sure, size)
     return tuple(with_run_weights(spec, _weights(members), problem) for spec in laws)
 
 
@@ -249,7 +251,7 @@ def _who_carries(stage: Stage, spec: EffectSpec, size: float) -> NDArray[np.bool
 
 
 def _whole_experiments(
-    stage: Stage, spec: EffectSpec, members: NDArray[np.bool_], sure: NDArray[np.bool_], size: float
+    stage: Stage, laws: Sequence[EffectSpec], members: NDArray[np.bool_], sure: NDArray[np.bool_], size: float
 ) -> NDArray[np.bool_]:
     """The same where experiments that show no two groups carry it in every run or in none, if that fits better.
 
@@ -257,16 +259,21 @@ def _whole_experiments(
     """
     problem = stage.objective.problem
     kinds = np.array([run.run.experiment for run in problem.runs])
-    best: Fit | None = None
+
+    def misfit(carriers: NDArray[np.bool_]) -> float:
+        specs = (with_run_weights(law, _weights(carriers), problem) for law in laws)
+        return min(_fitted(stage, spec, size).chi2 for spec in specs)
+
+    best = math.inf
     for kind in sorted(set(kinds) - set(kinds[sure])):
         for every in (False, True):
             trial = np.where(kinds == kind, every, members)
             if trial.all() or not trial.any() or np.array_equal(trial, members):
                 continue
-            best = best or _fitted(stage, with_run_weights(spec, _weights(members), problem), size)
-            fit = _fitted(stage, with_run_weights(spec, _weights(trial), problem), size)
-            if fit.chi2 < best.chi2:
-                best, members = fit, trial
+            best = misfit(members) if math.isinf(best) else best
+            found = misfit(trial)
+            if found < best:
+                best, members = found, trial
     return members
 
 

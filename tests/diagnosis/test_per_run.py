@@ -1,10 +1,18 @@
 """Effects that act in some runs: a drift takes even steps, in an order that the campaign's own does not change."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from jointscope.diagnosis.per_run import drifting, loaded
+from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, with_run_weights
+from jointscope.diagnosis.per_run import drifting, loaded, per_run_specs
+from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.split import split_runs
 
 ERRORS = np.full(16, 1e-4)
 
@@ -75,3 +83,26 @@ def test_runs_whose_own_misfit_reads_as_noise_are_heard_all_the_same():
     found = loaded(campaign(*["hammer"] * 14), inertia, errors)
     assert np.array_equal(found.members, carries)
     assert loaded(campaign(*["hammer"] * 14), inertia - 5e-3 * carries, errors) is None
+
+
+@pytest.mark.parametrize("swept", [0.0, 1.0])
+def test_an_experiment_without_groups_carries_a_payload_as_a_whole_or_not_at_all(builders, recorded, swept):
+    """Three of six hits carry it; three sweeps alike, to which the base's damping and losses come to terms."""
+    plant = builders.Plant()
+    hits = [builders.hammer_run(plant, 90.0 + 30.0 * k, f"h{k}") for k in range(6)]
+    sweeps = [builders.sweep_run(plant, 40.0 + 5.0 * k, f"s{k}") for k in range(3)]
+    own = recorded(prepare(builders.campaign_of([*hits, *sweeps])), 0.005, seed=3)
+    weights = (0.0, 1.0, 0.0, 1.0, 1.0, 0.0, swept, swept, swept)
+    spec = with_run_weights(next(s for s in PAYLOADS if s.variant == "some-runs"), weights, own)
+    active = ActiveEffect(spec, (0.02 * own.base.start[own.base.names.index("load_inertia")],))
+    runs = []
+    for run in own.runs:
+        plain = predict_outputs(run, own.base.start, (), own)
+        more = predict_outputs(run, own.base.start, (active,), own)
+        outputs = zip(run.outputs, plain, more, strict=True)
+        runs.append(replace(run, outputs=tuple(replace(o, data=o.data + z - y) for o, y, z in outputs)))
+    own = replace(own, runs=tuple(runs))
+    with ThreadPoolExecutor(1) as pool:
+        stage = refit_base(own, predict_outputs, split_runs(own).estimate, pool)
+        found = next(s for s in per_run_specs(stage, own) if s.name == "payload")
+    assert found.run_weights == weights
