@@ -25,6 +25,7 @@ Record = list[dict[str, Real]]
 
 STEP: Final = 2e-4  # s, of the engine
 FREE = ("stiffness", "damping", "load_inertia", "motor_damping", "load_damping")
+ANGLES: Final = frozenset({"arm", "motor"})
 SHIFT = 0.02  # of a parameter's logarithm, for its secant
 
 
@@ -127,11 +128,19 @@ def _torque_to(name: str, rig: Rig, plan: Plan, bins: int, duration: float) -> R
 
 
 def whiten(misfits: Record, weights: Sequence[Mapping[str, Real]]) -> Real:
-    """Weighted spectra of all runs and channels, real and imaginary parts one after the other, shape (n,)."""
+    """Weighted spectra of all runs and channels, real and imaginary parts one after the other, shape (n,).
+
+    Angles are counted from the straight line between their ends: one that has drifted by the end of its run would jump
+    back to the start of a period, and the jump counts at frequencies where the drift, and the noise of a log that
+    makes any angle drift, has nothing.
+    """
     parts: list[Real] = []
     for channels, weight in zip(misfits, weights, strict=True):
         for name, w in weight.items():
-            spectrum = np.fft.rfft(channels[name]) * w
+            y = channels[name]
+            if name in ANGLES:
+                y = y - np.linspace(y[0], y[-1], y.size)
+            spectrum = np.fft.rfft(y) * w
             parts += [spectrum.real, spectrum.imag]
     return np.concatenate(parts)
 
