@@ -14,7 +14,7 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.alignment import inexact, realigned
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.constancy import Change, changes
-from jointscope.diagnosis.effects import at_rig
+from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
@@ -111,7 +111,8 @@ def diagnose(
         stage = refit_base(problem, predict, split.estimate, pool)
     problem, stage = _at_size(problem, stage)
     specs = tuple(at_rig(spec, problem) for spec in specs)
-    screening, hypotheses = explore(stage, specs, effort, report)
+    outside = tuple(at_rig(spec, problem) for spec in STRANGERS)
+    screening, hypotheses = explore(stage, specs, effort, report, outside)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)

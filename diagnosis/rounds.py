@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
-from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
@@ -161,19 +160,27 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
     return arena
 
 
-def _with_strangers(arena: Arena, effort: Effort) -> tuple[Hypothesis, ...]:
+def _with_strangers(arena: Arena, outside: Sequence[EffectSpec], effort: Effort) -> tuple[Hypothesis, ...]:
     """All hypotheses, and what physics outside the contract's table does in place of the leading one."""
-    if not arena.hypotheses:
-        return ()
-    outside = [at_rig(spec, arena.objective.problem) for spec in STRANGERS]
+    if not arena.hypotheses or not outside:
+        return arena.hypotheses
     found = strangers(arena.objective, arena.base.fit, arena.hypotheses[0], outside, effort)
     return settled(arena, found, effort).hypotheses if found else arena.hypotheses
 
 
 def explore(
-    stage: Stage, specs: Sequence[EffectSpec], effort: Effort, report: Report
+    stage: Stage,
+    specs: Sequence[EffectSpec],
+    effort: Effort,
+    report: Report,
+    outside: Sequence[EffectSpec] = (),
 ) -> tuple[Screening, tuple[Hypothesis, ...]]:
-    """Every hypothesis worth judging."""
+    """Every hypothesis worth judging.
+
+    Args:
+        specs: The laws that may be named.
+        outside: Laws that may only lead: physics outside the contract's table, where the forward model knows any.
+    """
     problem = stage.objective.problem
     candidates = candidates_for(problem, (*specs, *per_run_specs(stage, problem)), residuals_of(stage))
     first = opened(stage, candidates, effort)
@@ -185,7 +192,7 @@ def explore(
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, _with_strangers(arena, effort)
+        return screening, _with_strangers(arena, outside, effort)
     known = _losses(arena)
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
     for leader in [h for h in arena.hypotheses if len(h.specs) == 1][: effort.beam + 1]:
@@ -211,4 +218,4 @@ def explore(
             break
         report(f"fitting sets of {size}")
         pairs = extend(arena.objective, best, screening, effort)
-    return screening, _with_strangers(arena, effort)
+    return screening, _with_strangers(arena, outside, effort)

@@ -41,3 +41,12 @@ def test_an_effect_that_foretells_worse_is_not_named(twice, deciding, monkeypatc
         decision = pipeline.diagnose_arm(twice, pool).decision
     assert decision.verdict == verdict
     assert decision.chosen.names == (() if factor else (f"backlash@{spec.location}",))
+
+
+def test_an_arm_is_diagnosed_to_its_end_by_laws_that_its_model_knows(twice):
+    """Searched in earnest: no law of the single joint's own is tried on the arm."""
+    known = {f"{s.name}@{s.location}" for s in arm_catalogue(twice)}
+    with ThreadPoolExecutor(1) as pool:
+        found = pipeline.diagnose_arm(twice, pool)
+    tried = {name for j in found.judgement.judged for name in j.names}
+    assert tried and tried <= known
