@@ -220,14 +220,14 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
         agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))
-        apart = _energy([p - c for p, c in zip(parent.left_held, child.left_held, strict=True)])
-        foretold = 0.5 * float(np.sum(apart)) / overdispersion
+        moved = _energy([p - c for p, c in zip(parent.left_held, child.left_held, strict=True)])
+        foretold = 0.5 * float(np.sum(moved)) / overdispersion
         expected = _in_proportion(judgement, raw)
     gain = float(np.sum(raw)) - child.occam + parent.occam
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]
-    unreached = any(s.local for s in added) and foretold < UNREACHED * expected
-    if foretold < UNREACHED * gain:  # as where only runs of another experiment are held out
-        unreached |= int(np.sum(raw > REAL)) >= APART
+    elsewhere = any(s.local for s in added) and foretold < UNREACHED * expected
+    # Nor do held-out runs of other experiments alone show what several fitted runs do.
+    apart = int(np.sum(raw > REAL)) >= APART and foretold < UNREACHED * gain
     return Comparison(
         gain=gain,
         held_gain=held_gain,
@@ -239,7 +239,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         share=share,
         parents=len(parent.names),
         parent_gain=parent_gain,
-        unreached=unreached,
+        unreached=elsewhere or apart,
         rest=rest,
         exact=all(spec.exact for spec in parent.hypothesis.specs),
     )

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
-DRIFTING = (
-    0.05  # the same where angles drift off whatever the model, or step by step the runs themselves confirm it
-)
+DRIFTING = 0.05  # the same where only angles that drift off are worse, or the runs confirm the effect step by step
 CLEARLY = 0.9  # of the base's error over what can be foretold, which a named effect must undercut where all in all it is worse
 NEARER = 0.6  # the same of what is left beyond the noise
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less

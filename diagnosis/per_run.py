@@ -34,9 +34,7 @@ PARTED = 4.0  # distance of two groups over the scatter within, or over the medi
 SOFTENED = 0.2  # of all scatter, below which no run's own standard error is believed
 SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
 TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are ...
-CLEAR = (
-    10.0  # ... unless they are this many of their own from the others: a payload also reads as noise of its run
-)
+CLEAR = 10.0  # ... unless they are this many of their own off: what a payload does also reads as its run's noise
 FEWEST = 4  # runs
 ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers

@@ -169,8 +169,8 @@ def truth(problem, plant):
     )
 
 
-def recorded_of(problem, share, pickup=0.0, seed=1):
-    """The problem's own predictions at its start as data, with white noise of a share of each channel's rms.
+def recorded_of(problem, share, pickup=0.0, seed=1, effects=()):
+    """The problem's own predictions at its start, ``effects`` in it, as data, with white noise of a share of each channel's rms.
 
     Accelerations also pick up what drives the run, ``pickup`` times their own rms.
     """
@@ -181,7 +181,7 @@ def recorded_of(problem, share, pickup=0.0, seed=1):
     runs = []
     for run in problem.runs:
         outputs = []
-        for o, y in zip(run.outputs, predict_outputs(run, problem.base.start, (), problem), strict=True):
+        for o, y in zip(run.outputs, predict_outputs(run, problem.base.start, effects, problem), strict=True):
             drive = run.motor if run.motor_moves else run.load
             if not o.observed:
                 y = y + share * np.std(y) * rng.standard_normal(y.size)

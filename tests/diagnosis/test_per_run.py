@@ -1,7 +1,6 @@
 """Effects that act in some runs: a drift takes even steps, in an order that the campaign's own does not change."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -91,17 +90,11 @@ def test_an_experiment_without_groups_carries_a_payload_as_a_whole_or_not_at_all
     plant = builders.Plant()
     hits = [builders.hammer_run(plant, 90.0 + 30.0 * k, f"h{k}") for k in range(6)]
     sweeps = [builders.sweep_run(plant, 40.0 + 5.0 * k, f"s{k}") for k in range(3)]
-    own = recorded(prepare(builders.campaign_of([*hits, *sweeps])), 0.005, seed=3)
+    own = prepare(builders.campaign_of([*hits, *sweeps]))
     weights = (0.0, 1.0, 0.0, 1.0, 1.0, 0.0, swept, swept, swept)
     spec = with_run_weights(next(s for s in PAYLOADS if s.variant == "some-runs"), weights, own)
     active = ActiveEffect(spec, (0.02 * own.base.start[own.base.names.index("load_inertia")],))
-    runs = []
-    for run in own.runs:
-        plain = predict_outputs(run, own.base.start, (), own)
-        more = predict_outputs(run, own.base.start, (active,), own)
-        outputs = zip(run.outputs, plain, more, strict=True)
-        runs.append(replace(run, outputs=tuple(replace(o, data=o.data + z - y) for o, y, z in outputs)))
-    own = replace(own, runs=tuple(runs))
+    own = recorded(own, 0.005, seed=3, effects=(active,))
     with ThreadPoolExecutor(1) as pool:
         stage = refit_base(own, predict_outputs, split_runs(own).estimate, pool)
         found = next(s for s in per_run_specs(stage, own) if s.name == "payload")

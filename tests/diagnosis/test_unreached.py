@@ -22,16 +22,10 @@ def judged(builders, recorded, sweeps, size):
     hits = [builders.hammer_run(plant, 100.0 + 40.0 * k, f"h{k}") for k in range(4)]
     hits[1:3] = [replace(hit, role="validate") for hit in hits[1:3]]
     driven = [builders.sweep_run(plant, 40.0 + 5.0 * k, f"s{k}") for k in range(sweeps)]
-    own = recorded(prepare(builders.campaign_of([*hits, *driven])), 0.02, seed=3)
+    own = prepare(builders.campaign_of([*hits, *driven]))
     spec = next(s for s in catalogue(own) if (s.name, s.location) == ("coulomb-friction", "motor"))
     active = ActiveEffect(spec, (size * spec.scale(own)[1], *spec.starts(own)[0]))
-    runs = []
-    for run in own.runs:
-        plain = predict_outputs(run, own.base.start, (), own)
-        rubbed = predict_outputs(run, own.base.start, (active,), own)
-        outputs = zip(run.outputs, plain, rubbed, strict=True)
-        runs.append(replace(run, outputs=tuple(replace(o, data=o.data + z - y) for o, y, z in outputs)))
-    own = replace(own, runs=tuple(runs))
+    own = recorded(own, 0.02, seed=3, effects=(active,))
     split, where = split_runs(own), coordinates(own, (spec,))
     with ThreadPoolExecutor(1) as pool:
         stage = refit_base(own, predict_outputs, split.estimate, pool)
