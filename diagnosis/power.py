@@ -1,13 +1,7 @@
-r"""What could not have been seen: for every effect that was not found, the size that these recordings would have revealed.
+"""What could not have been seen: for every effect that was not found, the size that these recordings would have revealed.
 
-An effect of amplitude a changes the outputs by y(theta, a) - y(theta); the refit of the base (and of what was found)
-takes away what it can, and what is left is judged by the gates of ``adjudicate``. With P the projection off the refit,
-
-    z(a) = |P L^-1 [y(theta + dtheta, a) - y(theta)]|,      s(a) = rms of the same in a channel over its signal's rms,
-
-the effect shows at 80 % where z exceeds sqrt(2 (REAL + Occam)) + 0.84 (the likelihood gain is (z + n)^2 / 2, n standard
-normal) and s exceeds MATERIAL in some channel. Both are taken at finite amplitudes, since play and friction do not grow
-in proportion, and interpolated.
+An effect shows at 80 % where it clears every gate of ``adjudicate`` (see ``visibility``). Sizes are taken at finite
+amplitudes, since play and friction do not grow in proportion, and interpolated.
 """
 
 from __future__ import annotations
@@ -19,26 +13,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import Judged, Judgement
-from jointscope.diagnosis.base import representative
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
-from jointscope.diagnosis.excitation import asked_only, below_excitation
-from jointscope.diagnosis.gates import MATERIAL, REAL, REAL_FURTHER, SHARES
-from jointscope.diagnosis.noise import dynamic_level
-from jointscope.diagnosis.objective import Objective, Predictions
+from jointscope.diagnosis.visibility import Yard, clearance, seen, yard_of
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.problem import Problem
 
-Vector = NDArray[np.float64]
-
-SURE_ENOUGH = 0.84  # standard normal quantile of a detection in 80 % of repetitions
-MARGIN = 1.0  # on both gates; not yet fitted: experiments.prove.power_check is what would set it
-HITS, OTHERS = 2, 1  # runs of each kind that stand for all
+MARGIN = 1.0  # on all gates
 PASSES = 2  # steps of the interpolation
-RUN_AWAY = 1e100  # of a prediction whose square would overflow
 REACH = 30.0  # times beyond the catalogue's small and large sizes that a size is sought
 
 
@@ -94,104 +78,6 @@ def _bound(effect: str, parameter: str, unit: str, size: float) -> str:
     return f"{parameter.replace('_', ' ')} {word} {size:.3g} {unit}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Yard:
-    """The chosen hypothesis over a few runs that stand for all."""
-
-    objective: Objective
-    judged: Judged
-    theta: Vector
-    effects: tuple[ActiveEffect, ...]
-    before: Predictions
-    jacobian: NDArray[np.float64]
-    basis: NDArray[np.float64]
-    weights: Vector  # per row: sqrt of the runs that this one stands for
-    needed: float
-    missed: dict[tuple[object, ...], float]  # per channel: least explained energy over the signal's
-
-
-def _yard(judgement: Judgement, judged: Judged) -> _Yard:
-    objective = judgement.objective
-    chosen = representative(objective.problem, objective.runs, HITS, OTHERS)
-    few = objective.restricted([i for i, run in enumerate(objective.runs) if run in chosen])
-
-    def kind(run: int) -> tuple[str, bool]:
-        recorded = objective.problem.runs[run].run
-        return recorded.experiment, recorded.brake
-
-    everything = [kind(run) for run in objective.runs]
-    taken = [kind(run) for run in few.runs]
-    share = [math.sqrt(everything.count(k) / taken.count(k)) for k in taken]
-    weights = np.concatenate(
-        [np.full(piece.stop - piece.start, s) for piece, s in zip(few.slices, share, strict=True)]
-    )
-    fit = judged.fit
-    theta, effects = fit.coordinates.unpack(fit.x)
-    w = few.residual(fit.x, fit.coordinates)
-    jacobian = few.columns(fit.x, fit.coordinates, w, range(fit.coordinates.n)) * weights[:, None]
-    size = np.linalg.norm(jacobian, axis=0)
-    u, singular, _ = np.linalg.svd(jacobian[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    basis = u[:, singular > 1e-9 * singular.max()] if singular.size else np.zeros((len(w), 0))
-    parents = len(judged.names)
-    samples = sum(sum(v.sizes) for v in objective.whiteners)
-    real = REAL if parents == 0 else REAL_FURTHER
-    share_needed = SHARES[min(parents, len(SHARES) - 1)]
-    missed = {}
-    for key, (left, signal) in judged.energies.items():
-        explained = max(judgement.base.energies[key][0] - left, 0.0) / signal if signal > 0.0 else 0.0
-        missed[key] = max(MATERIAL**2, share_needed**2 * explained / (1.0 - share_needed**2))
-    return _Yard(
-        few, judged, theta, effects, few.predictions(theta, effects), jacobian, basis, weights,
-        math.sqrt(2.0 * (real + 0.5 * math.log(max(samples, 2)))) + SURE_ENOUGH, missed,
-    )  # fmt: skip
-
-
-def _seen(yard: _Yard, active: ActiveEffect) -> tuple[float, float]:
-    """(z over what is needed, explained rms over what is material), base and found effects moved to follow."""
-    objective, fit = yard.objective, yard.judged.fit
-    problem, count = objective.problem, len(objective.runs)
-    data = [
-        objective.predict(problem.runs[run], yard.theta, (*yard.effects, active), problem)
-        for run in objective.runs
-    ]
-    if not all(np.all(np.isfinite(y)) for ys in data for y in ys):
-        return math.inf, math.inf
-
-    def whitened(model: Sequence[Sequence[Vector]]) -> Vector:
-        parts = [
-            objective.whiteners[i]([a - b for a, b in zip(data[i], model[i], strict=True)])[:, 0]
-            for i in range(count)
-        ]
-        return np.concatenate(parts) * yard.weights
-
-    s = whitened(yard.before)
-    step = np.linalg.lstsq(yard.jacobian, -s, rcond=1e-10)[0]
-    x = np.clip(fit.x + np.clip(step, -0.7, 0.7), fit.coordinates.lower, fit.coordinates.upper)
-    theta, effects = fit.coordinates.unpack(x)
-    moved = [objective.predict(problem.runs[run], theta, effects, problem) for run in objective.runs]
-    if not all(np.all(np.abs(y) < RUN_AWAY) for ys in moved for y in ys):
-        moved = [list(y) for y in yard.before]  # type: ignore[misc]
-    left = whitened(moved)
-    left = left - yard.basis @ (yard.basis.T @ left)
-    pooled: dict[tuple[object, ...], list[float]] = {}
-    for run, ya, yb in zip(objective.prepared, data, moved, strict=True):
-        for output, a, b in zip(run.outputs, ya, yb, strict=True):
-            key = (run.run.experiment, output.quantity, output.location, output.direction)
-            r = asked_only(a - b, below_excitation(run, output))[output.mask]
-            total = pooled.setdefault(key, [0.0, 0.0])
-            total[0] += float(r @ r)
-            total[1] += dynamic_level(output) ** 2 * int(output.mask.sum())
-    shown = max(
-        (
-            math.sqrt(e / (signal * yard.missed.get(key, MATERIAL**2)))
-            for key, (e, signal) in pooled.items()
-            if signal > 0.0
-        ),
-        default=0.0,
-    )
-    return float(np.linalg.norm(left)) / yard.needed, shown
-
-
 def _departure(spec: EffectSpec, value: float) -> float:
     """Distance from the null value; the inverse where the effect vanishes at infinity."""
     null = spec.parameters[spec.amplitude].null
@@ -207,6 +93,13 @@ def _value(spec: EffectSpec, departure: float) -> float:
     return 1.0 / departure if math.isinf(null) else null + departure
 
 
+def _farthest(spec: EffectSpec) -> float:
+    """Departure beyond which no fit goes."""
+    main = spec.parameters[spec.amplitude]
+    null = main.null or 0.0
+    return _departure(spec, main.lower if math.isinf(null) else main.upper)
+
+
 def values_at(spec: EffectSpec, shape: tuple[float, ...], amplitude: float, problem: Problem) -> tuple[float, ...]:
     """The effect's parameters at an amplitude; those of the amplitude's own unit (a breakaway torque) go with it."""
     main, medium = spec.parameters[spec.amplitude], spec.scale(problem)[1]
@@ -219,16 +112,16 @@ def values_at(spec: EffectSpec, shape: tuple[float, ...], amplitude: float, prob
 
 
 def smallest_visible(
-    yard: _Yard, spec: EffectSpec, shape: tuple[float, ...], problem: Problem
+    yard: Yard, spec: EffectSpec, shape: tuple[float, ...], problem: Problem
 ) -> tuple[float | None, str]:
     """(amplitude that shows in 80 % of repetitions, what limits it); the amplitude is ``None`` beyond reach."""
     scale = [_departure(spec, v) for v in spec.scale(problem)]
-    low, high = scale[0] / REACH, scale[2] * REACH
+    low, high = scale[0] / REACH, min(scale[2] * REACH, _farthest(spec))
 
     def margin(departure: float) -> tuple[float, str]:
-        z, shown = _seen(yard, ActiveEffect(spec, values_at(spec, shape, _value(spec, departure), problem)))
-        worst = min(z, shown) / MARGIN
-        return math.log(max(worst, 1e-9)), "noise" if z < shown else "materiality"
+        active = ActiveEffect(spec, values_at(spec, shape, _value(spec, departure), problem))
+        clear, limit = clearance(yard, spec, seen(yard, active))
+        return math.log(max(clear / MARGIN, 1e-9)), limit
 
     points: list[tuple[float, float, str]] = []
     for departure in (scale[0], scale[2]):
@@ -253,8 +146,8 @@ def smallest_visible(
     nearest = min(points, key=lambda p: abs(p[1]))
     if nearest[1] < -0.7:
         return None, nearest[2]
-    slope = 1.0
-    return _value(spec, math.exp(nearest[0] - nearest[1] / slope)), nearest[2]
+    departure = math.exp(nearest[0] - nearest[1])
+    return (None if departure > high else _value(spec, departure)), nearest[2]
 
 
 def unseen(
@@ -266,7 +159,7 @@ def unseen(
         known = first.get((spec.name, spec.location))
         if known is None or (known.possible(problem) is not None and spec.possible(problem) is None):
             first[spec.name, spec.location] = spec
-    yard = _yard(judgement, judged)
+    yard = yard_of(judgement, judged)
 
     def one(spec: EffectSpec) -> Unseen:
         parameter = spec.parameters[spec.amplitude]

@@ -32,16 +32,22 @@ def ripple(p: Real, x: Real, s: Real, f: Real) -> None:
 
 
 def lag(p: Real, x: Real, s: Real, f: Real) -> None:
-    """The rotor's torque follows the logged one by p[1] first-order stages of time constant p[0]."""
+    """The rotor's torque follows the logged one by p[1] first-order stages of time constant p[0].
+
+    Exact over a step in which a stage's input moves along a straight line.
+    """
     if x[5] == 0.0:
-        x[5] = 1.0
+        x[5], x[4] = 1.0, s[TAU]
         for i in range(int(p[1])):
             x[i] = s[TAU]
     keep = math.exp(-s[H] / p[0])
-    seen = s[TAU]
+    before, seen = x[4], s[TAU]
     for i in range(int(p[1])):
-        x[i] = seen + (x[i] - seen) * keep
-        seen = x[i]
+        behind = p[0] * (seen - before) / s[H]
+        then = x[i]
+        x[i] = seen - behind + (then - before + behind) * keep
+        before, seen = then, x[i]
+    x[4] = s[TAU]
     f[MOTOR] += seen - s[TAU]
 
 

@@ -111,15 +111,21 @@ def steep_dahl(p: Real, x: Real, s: Real, f: Real) -> None:
 
 
 def second_order_lag(p: Real, x: Real, s: Real, f: Real) -> None:
-    """The rotor's torque follows the logged one as a second-order system: w, zeta."""
+    """The rotor's torque follows the logged one as a second-order system: w, zeta.
+
+    Exact over a step in which the log's torque moves along a straight line.
+    """
     if x[2] == 0.0:
-        x[2], x[0] = 1.0, s[TAU]
+        x[2], x[0], x[3] = 1.0, s[TAU], s[TAU]
     h, w, zeta = s[H], p[0], p[1]
     damped = w * math.sqrt(1.0 - zeta * zeta)
-    e, v = x[0] - s[TAU], x[1]  # exact over a step in which the log's torque stands still
+    rate = (s[TAU] - x[3]) / h
+    behind = 2.0 * zeta * rate / w
+    e, v = x[0] - x[3] + behind, x[1] - rate
     fade, c, n = math.exp(-zeta * w * h), math.cos(damped * h), math.sin(damped * h) / damped
-    x[0] = s[TAU] + fade * (e * (c + zeta * w * n) + v * n)
-    x[1] = fade * (v * (c - zeta * w * n) - e * w * w * n)
+    x[0] = s[TAU] - behind + fade * (e * (c + zeta * w * n) + v * n)
+    x[1] = rate + fade * (v * (c - zeta * w * n) - e * w * w * n)
+    x[3] = s[TAU]
     f[MOTOR] += x[0] - s[TAU]
 
 

@@ -9,9 +9,10 @@ import pytest
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.power import Unseen, _seen, _yard, unseen, unseen_json, values_at
+from jointscope.diagnosis.power import Unseen, unseen, unseen_json, values_at
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.split import split_runs
+from jointscope.diagnosis.visibility import clearance, seen, yard_of
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +32,13 @@ def spec_of(problem, name, location):
 
 def test_visibility_grows_with_size_and_vanishes_with_it(judged):
     problem, judgement = judged[0.01]
-    yard = _yard(judgement, judgement.base)
+    yard = yard_of(judgement, judgement.base)
     spec = spec_of(problem, "backlash", "transmission")
-    small, medium, large = (_seen(yard, ActiveEffect(spec, (v,))) for v in spec.scale(problem))
-    assert small[0] < medium[0] < large[0] and small[1] < medium[1] < large[1]
-    nothing = _seen(yard, ActiveEffect(spec, (0.0,)))
-    assert nothing[0] < 0.05 and nothing[1] < 0.05
+    small, medium, large = (seen(yard, ActiveEffect(spec, (v,))) for v in spec.scale(problem))
+    for attribute in ("z", "z_held", "shown"):
+        assert getattr(small, attribute) < getattr(medium, attribute) < getattr(large, attribute)
+    nothing = seen(yard, ActiveEffect(spec, (0.0,)))
+    assert nothing.z < 0.4 and nothing.z_held < 0.4 and nothing.shown < 0.05
 
 
 def test_more_noise_hides_more(problem, recorded):
@@ -49,8 +51,8 @@ def test_more_noise_hides_more(problem, recorded):
             own = recorded(hits, share)
             stage = refit_base(own, predict_outputs, tuple(range(len(own.runs))), pool)
             judgement = judge(stage, (), split_runs(own).held_out)
-            yard = _yard(judgement, judgement.base)
-            shown = [_seen(yard, ActiveEffect(spec, (spec.scale(own)[1],)))[0] for spec in specs]
+            yard = yard_of(judgement, judgement.base)
+            shown = [seen(yard, ActiveEffect(spec, (spec.scale(own)[1],))).z for spec in specs]
             found[share] = list(zip(shown, unseen(own, judgement, judgement.base, specs, pool), strict=True))
     for (clear, quiet), (hidden, loud) in zip(found[0.01], found[0.5], strict=True):
         assert hidden < 0.5 * clear
@@ -63,8 +65,9 @@ def test_the_stated_size_stands_at_the_gate(judged):
     spec = spec_of(problem, "coulomb-friction", "load")
     with ThreadPoolExecutor(1) as pool:
         (found,) = unseen(problem, judgement, judgement.base, [spec], pool)
-    z, shown = _seen(_yard(judgement, judgement.base), ActiveEffect(spec, (found.size,)))
-    assert min(z, shown) == pytest.approx(1.0, rel=0.3)
+    yard = yard_of(judgement, judgement.base)
+    clear, limit = clearance(yard, spec, seen(yard, ActiveEffect(spec, (found.size,))))
+    assert clear == pytest.approx(1.0, rel=0.3) and limit == found.limited_by
 
 
 def test_what_the_channels_forbid_has_a_reason_and_no_size(problem, judged):

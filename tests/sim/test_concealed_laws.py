@@ -258,3 +258,19 @@ def test_every_law_fades_with_its_strength(law):
     assert np.isfinite(strong)
     assert strong > 0.0
     assert weak < 0.5 * strong or law.effect in ("structural-damping",)
+
+
+@pytest.mark.parametrize("time_constant", [2e-5, 3e-4, 4e-3])
+@pytest.mark.parametrize("law", laws_of("drive-lag"), ids=lambda law: law.law)
+def test_a_lag_is_late_by_its_time_constant(law, time_constant):
+    """A torque that rises evenly comes through as itself, late by the time constant, whatever the engine's step."""
+    values = {**law.shape(SETTING, np.random.default_rng(3)), "time_constant": time_constant}
+    slot = law.loop(values, SETTING, moment(braked=False))
+    p, x = np.zeros(engine.LAW_PARAMETERS), np.zeros(engine.LAW_STATES)
+    p[: len(slot.parameters)] = slot.parameters
+    s, f, rate, h = np.zeros(16), np.zeros(8), 50.0, engine.TIMESTEP
+    s[engine.H] = h
+    for k in range(1000):
+        s[engine.TAU], f[engine.MOTOR] = rate * k * h, 0.0
+        slot.law(p, x, s, f)
+    assert f[engine.MOTOR] == pytest.approx(-rate * time_constant, rel=1e-6)

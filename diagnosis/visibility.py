@@ -1,0 +1,245 @@
+r"""How clearly an effect would show in these recordings, once the refit has taken what it can.
+
+An effect of amplitude a changes the outputs by y(theta, a) - y(theta); the refit of the base (and of what was found)
+takes away what it can, and what is left is judged by the gates of ``adjudicate``. With P the projection off the refit
+and dtheta its step,
+
+    z(a)   = |P L^-1 [y(theta, a) - y(theta + dtheta)]|      over the fitted runs,
+    z_h(a) = |L^-1 [y(theta, a) - y(theta + dtheta)]|        over the held-out runs,
+    s(a)   = rms of the same in a channel over its signal's rms.
+
+The likelihood gain of a true effect is z^2 / 2 + z n with n standard normal, so that it passes a gate of g nats at 80 %
+where z exceeds sqrt(2 g + 0.84^2) + 0.84.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.adjudicate import (
+    PROFILED,
+    REAL_PICKED,
+    REAL_SORTED,
+    REAL_UNREVEALED,
+    UNREACHED,
+    Judged,
+    Judgement,
+)
+from jointscope.diagnosis.base import representative
+from jointscope.diagnosis.energies import Kind, kind_of
+from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.gates import (
+    CARRIES_OVER,
+    EVIDENT,
+    HELD,
+    MATERIAL,
+    REAL,
+    REAL_FURTHER,
+    REAL_UNREACHED,
+    SHARES,
+    TELLING,
+)  # fmt: skip
+from jointscope.diagnosis.noise import dynamic_level
+from jointscope.diagnosis.objective import Objective, Predictions
+from jointscope.diagnosis.per_run import labelling_cost
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
+
+Vector = NDArray[np.float64]
+
+SURE_ENOUGH = 0.84  # standard normal quantile of a detection in 80 % of repetitions
+HITS, OTHERS = 2, 1  # runs of each kind that stand for all
+RUN_AWAY = 1e100  # of a prediction whose square would overflow
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A few runs that stand for all.
+
+    Attributes:
+        weights: Per run: square root of the runs that it stands for.
+        before: Their predictions by the chosen hypothesis.
+    """
+
+    objective: Objective
+    weights: Vector
+    before: Predictions
+
+    def whitened(self, data: Sequence[Sequence[Vector]], model: Sequence[Sequence[Vector]]) -> Vector:
+        """Weighted L^-1 (data - model) over all rows."""
+        parts = [
+            weight * whitener([a - b for a, b in zip(ys, ms, strict=True)])[:, 0]
+            for weight, whitener, ys, ms in zip(self.weights, self.objective.whiteners, data, model, strict=True)
+        ]
+        return np.concatenate([np.zeros(0), *parts])
+
+    def predictions(self, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Predictions:
+        """One run at a time: callers work in parallel by effect."""
+        problem = self.objective.problem
+        return tuple(
+            self.objective.predict(problem.runs[run], theta, effects, problem) for run in self.objective.runs
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Yard:
+    """The chosen hypothesis over the runs that stand for all.
+
+    Attributes:
+        basis: Orthonormal directions that the refit takes, shape (n_rows, n_parameters).
+        asked: Nats asked of an effect before its own costs.
+        samples: Of all fitted runs.
+        missed: Per channel: least explained energy over the signal's.
+        echo: What the noise of a torque log makes the model do, the same per channel; what is less is not heard.
+        echo_nats: The same per experiment [nats], fitted and held-out runs.
+    """
+
+    fitted: Sample
+    held: Sample
+    judged: Judged
+    jacobian: NDArray[np.float64]
+    basis: NDArray[np.float64]
+    asked: float
+    samples: int
+    missed: dict[Kind, float]
+    echo: dict[Kind, float]
+    echo_nats: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How an effect shows: z of the fitted and the held-out runs [-], and what it explains over what is material [-]."""
+
+    z: float
+    z_held: float
+    shown: float
+
+
+def _sample(objective: Objective, judged: Judged) -> Sample:
+    chosen = representative(objective.problem, objective.runs, HITS, OTHERS)
+    few = objective.restricted([i for i, run in enumerate(objective.runs) if run in chosen])
+
+    def kind(run: int) -> tuple[str, bool]:
+        recorded = objective.problem.runs[run].run
+        return recorded.experiment, recorded.brake
+
+    everything = [kind(run) for run in objective.runs]
+    taken = [kind(run) for run in few.runs]
+    weights = np.array([math.sqrt(everything.count(k) / taken.count(k)) for k in taken])
+    return Sample(few, weights, few.predictions(*judged.fit.coordinates.unpack(judged.fit.x)))
+
+
+def yard_of(judgement: Judgement, judged: Judged) -> Yard:
+    """What effects are measured against."""
+    fitted, held = _sample(judgement.objective, judged), _sample(judgement.held, judged)
+    few, fit = fitted.objective, judged.fit
+    w = few.residual(fit.x, fit.coordinates)
+    rows = np.concatenate([np.full(p.stop - p.start, s) for p, s in zip(few.slices, fitted.weights, strict=True)])
+    jacobian = few.columns(fit.x, fit.coordinates, w, range(fit.coordinates.n)) * rows[:, None]
+    size = np.linalg.norm(jacobian, axis=0)
+    u, singular, _ = np.linalg.svd(jacobian[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    basis = u[:, singular > 1e-9 * singular.max()] if singular.size else np.zeros((len(w), 0))
+    parents = len(judged.names)
+    needed = SHARES[min(parents, len(SHARES) - 1)]
+    missed = {}
+    for key, (left, signal) in judged.energies.items():
+        explained = max(judgement.base.energies[key][0] - left, 0.0) / signal if signal > 0.0 else 0.0
+        missed[key] = max(MATERIAL**2, needed**2 * explained / (1.0 - needed**2))
+    samples = sum(sum(v.sizes) for v in judgement.objective.whiteners)
+    echo = {
+        k: e / judged.energies[k][1] for k, e in judgement.echo.energies.items() if judged.energies[k][1] > 0.0
+    }
+    asked = REAL if parents == 0 else REAL_FURTHER
+    return Yard(fitted, held, judged, jacobian, basis, asked, samples, missed, echo, judgement.echo.nats)
+
+
+def seen(yard: Yard, active: ActiveEffect) -> Seen:
+    """How the effect shows, base and found effects moved to follow."""
+    fit = yard.judged.fit
+    theta, effects = fit.coordinates.unpack(fit.x)
+    samples = (yard.fitted, yard.held)
+    data, held = (sample.predictions(theta, (*effects, active)) for sample in samples)
+    if not all(np.all(np.isfinite(y)) for ys in (*data, *held) for y in ys):
+        return Seen(math.inf, math.inf, math.inf)
+    s = yard.fitted.whitened(data, yard.fitted.before)
+    step = np.linalg.lstsq(yard.jacobian, -s, rcond=1e-10)[0]
+    x = np.clip(fit.x + np.clip(step, -0.7, 0.7), fit.coordinates.lower, fit.coordinates.upper)
+    moved, moved_held = (sample.predictions(*fit.coordinates.unpack(x)) for sample in samples)
+    if not all(np.all(np.abs(y) < RUN_AWAY) for ys in (*moved, *moved_held) for y in ys):
+        moved, moved_held = (sample.before for sample in samples)
+    left = yard.fitted.whitened(data, moved)
+    left = left - yard.basis @ (yard.basis.T @ left)
+    energies = _by_experiment(yard.fitted, left)
+    energies_held = _by_experiment(yard.held, yard.held.whitened(held, moved_held))
+    explained = _explained(yard, data, moved)
+    above = {str(key[0]) for key, share in explained.items() if share > yard.echo.get(key, 0.0)}
+    heard = above | {
+        name
+        for name in energies
+        if 0.5 * (energies[name] + energies_held.get(name, 0.0)) > yard.echo_nats.get(name, math.inf)
+    }
+    shown = [
+        math.sqrt(max(share - yard.echo.get(key, 0.0), 0.0) / yard.missed.get(key, MATERIAL**2))
+        for key, share in explained.items()
+        if key[0] in heard
+    ]
+    z, z_held = (
+        math.sqrt(sum(e for name, e in known.items() if name in heard)) for known in (energies, energies_held)
+    )
+    return Seen(z, z_held, max(shown, default=0.0))
+
+
+def _by_experiment(sample: Sample, w: Vector) -> dict[str, float]:
+    """w'w of the rows of every experiment."""
+    found: dict[str, float] = {}
+    for run, rows in zip(sample.objective.prepared, sample.objective.slices, strict=True):
+        found[run.run.experiment] = found.get(run.run.experiment, 0.0) + float(w[rows] @ w[rows])
+    return found
+
+
+def _explained(yard: Yard, data: Predictions, moved: Predictions) -> dict[Kind, float]:
+    """Energy of what the effect changes over the signal's, per experiment and channel."""
+    pooled: dict[Kind, list[float]] = {}
+    for run, ya, yb in zip(yard.fitted.objective.prepared, data, moved, strict=True):
+        for output, a, b in zip(run.outputs, ya, yb, strict=True):
+            r = asked_only(a - b, below_excitation(run, output))[output.mask]
+            total = pooled.setdefault(kind_of(run, output), [0.0, 0.0])
+            total[0] += float(r @ r)
+            total[1] += dynamic_level(output) ** 2 * int(output.mask.sum())
+    return {key: e / signal for key, (e, signal) in pooled.items() if signal > 0.0}
+
+
+def _needed(nats: float) -> float:
+    """z at which a gate is passed in 80 % of repetitions."""
+    return math.sqrt(2.0 * nats + SURE_ENOUGH**2) + SURE_ENOUGH
+
+
+def clearance(yard: Yard, spec: EffectSpec, found: Seen) -> tuple[float, str]:
+    """(the least of what shows over what the gates ask, what limits it: ``noise`` or ``materiality``)."""
+    problem = yard.fitted.objective.problem
+    experiments = {run.run.experiment for run in problem.runs}
+    asked = yard.asked
+    if spec.family == "periodic":
+        asked = max(asked, REAL_PICKED)
+    if spec.run_weights is not None:
+        asked = max(asked, REAL_SORTED)
+    if "free" not in experiments and not experiments & set(spec.revealed_by):
+        asked = max(asked, REAL_UNREVEALED)
+    cost = 0.5 * len(spec.parameters) * math.log(max(yard.samples, 2)) + labelling_cost(spec)
+    cost += PROFILED * sum(yard.fitted.weights**2) * spec.profiled
+    clear = found.z / _needed(asked + cost)
+    if yard.held.objective.runs:
+        fitted, held_runs = sum(yard.fitted.weights**2), sum(yard.held.weights**2)
+        due = min(TELLING, CARRIES_OVER * 0.5 * found.z**2 * held_runs / fitted)
+        held = found.z_held / _needed(max(HELD, due))
+        unreached = found.z / _needed(max(asked, REAL_UNREACHED) + cost)
+        clear = unreached if found.z_held**2 < UNREACHED * found.z**2 else min(clear, held)
+    shown = max(found.shown, found.z / _needed(EVIDENT + cost))
+    return (clear, "noise") if clear < shown else (shown, "materiality")
