@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 MARGIN = 1.0  # on all gates
-PASSES = 2  # steps of the interpolation
+PASSES = 3  # steps of the interpolation
 REACH = 30.0  # times beyond the catalogue's small and large sizes that a size is sought
 
 

@@ -56,6 +56,7 @@ Vector = NDArray[np.float64]
 
 SURE_ENOUGH = 0.84  # standard normal quantile of a detection in 80 % of repetitions
 HITS, OTHERS = 2, 1  # runs of each kind that stand for all
+STEPS = 2  # of the refit that takes what it can
 RUN_AWAY = 1e100  # of a prediction whose square would overflow
 
 
@@ -164,36 +165,52 @@ def seen(yard: Yard, active: ActiveEffect) -> Seen:
     """How the effect shows, base and found effects moved to follow."""
     fit = yard.judged.fit
     theta, effects = fit.coordinates.unpack(fit.x)
-    samples = (yard.fitted, yard.held)
-    data, held = (sample.predictions(theta, (*effects, active)) for sample in samples)
+    data = yard.fitted.predictions(theta, (*effects, active))
+    held = yard.held.predictions(theta, (*effects, active))
     if not all(np.all(np.isfinite(y)) for ys in (*data, *held) for y in ys):
         return Seen(math.inf, math.inf, math.inf)
-    s = yard.fitted.whitened(data, yard.fitted.before)
-    step = np.linalg.lstsq(yard.jacobian, -s, rcond=1e-10)[0]
-    x = np.clip(fit.x + np.clip(step, -0.7, 0.7), fit.coordinates.lower, fit.coordinates.upper)
-    moved, moved_held = (sample.predictions(*fit.coordinates.unpack(x)) for sample in samples)
-    if not all(np.all(np.abs(y) < RUN_AWAY) for ys in (*moved, *moved_held) for y in ys):
-        moved, moved_held = (sample.before for sample in samples)
+    x, moved = _followed(yard, data)
     left = yard.fitted.whitened(data, moved)
     left = left - yard.basis @ (yard.basis.T @ left)
+    moved_held = yard.held.predictions(*fit.coordinates.unpack(x))
     energies = _by_experiment(yard.fitted, left)
     energies_held = _by_experiment(yard.held, yard.held.whitened(held, moved_held))
     explained = _explained(yard, data, moved)
-    above = {str(key[0]) for key, share in explained.items() if share > yard.echo.get(key, 0.0)}
-    heard = above | {
-        name
-        for name in energies
-        if 0.5 * (energies[name] + energies_held.get(name, 0.0)) > yard.echo_nats.get(name, math.inf)
+    loud = {
+        name: 0.5 * (e + energies_held.get(name, 0.0)) / yard.echo_nats.get(name, 0.0)
+        for name, e in energies.items()
+        if yard.echo_nats.get(name, 0.0) > 0.0
     }
+    for key, share in explained.items():
+        if yard.echo.get(key, 0.0) > 0.0:
+            loud[str(key[0])] = max(loud.get(str(key[0]), 0.0), share / yard.echo[key])
+    heard = {name: min(loud.get(name, 1.0), 1.0) ** 2 for name in {*energies, *energies_held}}
+    z, z_held = (
+        math.sqrt(sum(e * heard[name] for name, e in known.items())) for known in (energies, energies_held)
+    )
     shown = [
         math.sqrt(max(share - yard.echo.get(key, 0.0), 0.0) / yard.missed.get(key, MATERIAL**2))
         for key, share in explained.items()
-        if key[0] in heard
     ]
-    z, z_held = (
-        math.sqrt(sum(e for name, e in known.items() if name in heard)) for known in (energies, energies_held)
-    )
     return Seen(z, z_held, max(shown, default=0.0))
+
+
+def _followed(yard: Yard, data: Predictions) -> tuple[Vector, Predictions]:
+    """(parameters, predictions) of the refit to ``data``, by a few Gauss-Newton steps with the Jacobian as it was."""
+    fit = yard.judged.fit
+    x, moved = fit.x, yard.fitted.before
+    left = yard.fitted.whitened(data, moved)
+    for _ in range(STEPS):
+        step = np.linalg.lstsq(yard.jacobian, -left, rcond=1e-10)[0]
+        further = np.clip(x + np.clip(step, -0.7, 0.7), fit.coordinates.lower, fit.coordinates.upper)
+        there = yard.fitted.predictions(*fit.coordinates.unpack(further))
+        if not all(np.all(np.abs(y) < RUN_AWAY) for ys in there for y in ys):
+            break
+        less = yard.fitted.whitened(data, there)
+        if not less @ less < left @ left:
+            break
+        x, moved, left = further, there, less
+    return x, moved
 
 
 def _by_experiment(sample: Sample, w: Vector) -> dict[str, float]:

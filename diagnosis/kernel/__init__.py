@@ -48,12 +48,14 @@ def simulate(
     """
     modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
     scalar = S[N_X] == 4 + 2 * modes and modes <= 1 and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
-    if not scalar or S[PRE_SITE] != 0 or P[PAR_SHARE] != 0.0 or P[RUB] != 0.0:
+    if not scalar:
         simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
     rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
-    rich = rich or P[ROUND_M] != 0.0 or P[ROUND_L] != 0.0
+    rich = (
+        rich or P[ROUND_M] != 0.0 or P[ROUND_L] != 0.0 or S[PRE_SITE] > 0 or P[PAR_SHARE] != 0.0 or P[RUB] != 0.0
+    )
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
     run = simulate_rich if rich else simulate_plain
     run(x, P, S, held, dry_m, dry_l, mode, um, ul, y, t0, h, out)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
-from jointscope.diagnosis.kernel.laws import hysteresis
+from jointscope.diagnosis.kernel.laws import bristle, hysteresis
 from jointscope.diagnosis.kernel.layout import *
 
 
@@ -30,6 +30,13 @@ def remember(P: Real, S: NDArray[np.int64], mem: Real, delta: float) -> None:
     else:
         mem[1] = hysteresis(mem[1], travel, P[HYST_ANGLE], S[HYST_KIND])
     mem[0] = delta
+
+
+@compiled
+def slide(P: Real, mem: Real, q: float, v: float) -> None:
+    """Move the memory of friction with presliding to angle ``q``, reached at speed ``v``."""
+    mem[9] = bristle(mem[9], q - mem[8], v, P)
+    mem[8] = q
 
 
 @compiled

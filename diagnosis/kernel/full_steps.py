@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
-from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, windup_of
+from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, slide, windup_of
 from jointscope.diagnosis.kernel.full_rates import rates, rates_inlined
-from jointscope.diagnosis.kernel.laws import bristle, friction
+from jointscope.diagnosis.kernel.laws import friction
 from jointscope.diagnosis.kernel.layout import *
 
 
@@ -124,8 +124,7 @@ def simulate_full(
             if hyst:
                 remember(P, S, mem, windup_of(xn, P, S, input_at(y, k, target)))
             if S[PRE_SITE] != 0:
-                mem[9] = bristle(mem[9], xn[pre] - mem[8], xn[pre + 1], P)
-                mem[8] = xn[pre]
+                slide(P, mem, xn[pre], xn[pre + 1])
             for i in range(m):
                 x[i] = xn[i]
             s, target = target, 1.0
@@ -150,8 +149,7 @@ def simulate_full(
         if hyst:
             remember(P, S, mem, windup_of(xn, P, S, y[2 * k + 2]))
         if S[PRE_SITE] != 0:
-            mem[9] = bristle(mem[9], xn[pre] - mem[8], xn[pre + 1], P)
-            mem[8] = xn[pre]
+            slide(P, mem, xn[pre], xn[pre + 1])
         for i in range(m):
             x[i] = xn[i]
     j = 2 * n

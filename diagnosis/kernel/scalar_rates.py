@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
-from jointscope.diagnosis.kernel.laws import STRUCTURAL_WIDTH, friction, hysteresis, rounded, tabled, with_table
+from jointscope.diagnosis.kernel.laws import (
+    STRUCTURAL_WIDTH,
+    bristle,
+    friction,
+    hysteresis,
+    rounded,
+    tabled,
+    with_table,
+)
 from jointscope.diagnosis.kernel.layout import *
 
 
@@ -36,7 +44,14 @@ def _scalar_rates_source(
             el += gap
         else:
             el, contact = 0.0, inside
-    T = k * (1.0 + drift * t) * el + (k_2 + k_3 * el) * el * el + c * contact * rate
+    factor, damping = 1.0 + drift * t, c * contact
+    if rich:
+        damping += P[RUB] * abs(delta)
+        if P[PAR_SHARE] != 0.0:
+            factor += P[PAR_SHARE] * math.sin(
+                P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE]
+            )
+    T = k * factor * el + (k_2 + k_3 * el) * el * el + damping * rate
     if k_soft != 0.0:
         T -= k_soft * min(max(el, -soft), soft)
     if rich:
@@ -68,6 +83,8 @@ def _scalar_rates_source(
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if rich and P[ROUND_M] != 0.0:
         net_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s)
+    if rich and S[PRE_SITE] == AT_MOTOR:
+        net_m -= P[PRE_TORQUE] * bristle(mem[9], q_s - mem[8], v_s, P)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -104,6 +121,8 @@ def _scalar_rates_source(
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and P[ROUND_L] != 0.0:
         net_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v)
+    if rich and S[PRE_SITE] == AT_LOAD:
+        net_l -= P[PRE_TORQUE] * bristle(mem[9], q - mem[8], v, P)
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:

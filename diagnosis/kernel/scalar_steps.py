@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
-from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, windup_of_scalars
+from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, slide, windup_of_scalars
 from jointscope.diagnosis.kernel.laws import TURN
 from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_rates import scalar_rates, scalar_rates_inlined
@@ -40,11 +40,12 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
         sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
         dry_m = dry_m and not held
-        mem = np.zeros(5)
-        hyst = False
+        mem = np.zeros(10)
+        hyst, pre = False, 0
         if RICH:
-            hyst = S[HYST_KIND] != 0
+            hyst, pre = S[HYST_KIND] != 0, S[PRE_SITE]
             mem[0] = windup_of_scalars(q_s, q, P, S)
+            mem[8] = q_s if pre == AT_MOTOR else q
         for k in range(n):
             if abs(q - turn[0]) > TURN:
                 turn = (q, math.cos(q), math.sin(q))
@@ -154,6 +155,8 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                 q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
                 if hyst:
                     remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
+                if pre != 0:
+                    slide(P, mem, q_s if pre == AT_MOTOR else q, v_s if pre == AT_MOTOR else v)
                 s, target = target, 1.0
                 if pending == 1 or pending == 2:
                     if pending == 1:
@@ -180,6 +183,8 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
             q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
             if hyst:
                 remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
+            if pre != 0:
+                slide(P, mem, q_s if pre == AT_MOTOR else q, v_s if pre == AT_MOTOR else v)
         j = 2 * n
         _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
             q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,

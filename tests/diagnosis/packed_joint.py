@@ -20,7 +20,7 @@ def packed(**numbers):
     S[k.N_X], S[k.MOTOR] = 4, k.MOTOR_HELD
     for name, value in {**defaults, **KW, **numbers}.items():
         if hasattr(k, name) and name in ("MOTOR", "HYST_KIND", "FRICTION_M", "FRICTION_L", "N_TE", "N_RIPPLE",
-                                         "LOAD_PRESCRIBED", "N_BRANCH"):  # fmt: skip
+                                         "LOAD_PRESCRIBED", "N_BRANCH", "PRE_SITE"):  # fmt: skip
             S[getattr(k, name)] = value
         else:
             P[getattr(k, name)] = value

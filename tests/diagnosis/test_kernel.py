@@ -95,6 +95,7 @@ def test_agrees_with_lsoda(numbers, law):
 
 
 DRY = dict(FM_PLUS=2.0, FM_MINUS=2.5, FL_PLUS=1.0, FL_MINUS=1.0, FL_EXCESS=0.5, FRICTION_M=1, FRICTION_L=1)
+BRISTLES = dict(PRE_TORQUE=4.0, PRE_ANGLE=2e-5, PRE_EXCESS=0.4, PRE_SPEED=0.01, PRE_SIDED=0.1)
 MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0.3, NEAR_OMEGA=300.0, BASE_SHARE=0.2,
             BASE_OMEGA=140.0, BASE_ZETA=0.02)  # fmt: skip
 
@@ -107,6 +108,9 @@ MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0
         (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.BOUC_WEN, **DRY), None),
         (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.MAXWELL_SLIP), None),
         (dict(N_TE=1, N_RIPPLE=1, REID=0.05, REID_OMEGA=250.0), None),
+        (dict(PRE_SITE=k.AT_MOTOR, **BRISTLES), None),
+        (dict(PRE_SITE=k.AT_LOAD, **BRISTLES, **DRY), None),
+        (dict(PAR_SHARE=0.1, PAR_MOTOR=5.0, PAR_LOAD=3.0, PAR_PHASE=0.4, RUB=2e5), None),
         (MODE | DRY, k.AT_LINK),
         (MODE, k.AT_NEAR),
         (MODE | DRY, k.AT_BASE),
