@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.problem import Problem
 
-MARGIN = 1.0  # on all gates
 PASSES = 3  # steps of the interpolation
+SHORT = (
+    -0.25
+)  # logarithm of what is cleared over what is asked at the size nearest to it, below which none is stated
 REACH = 30.0  # times beyond the catalogue's small and large sizes that a size is sought
 
 
@@ -121,7 +123,7 @@ def smallest_visible(
     def margin(departure: float) -> tuple[float, str]:
         active = ActiveEffect(spec, values_at(spec, shape, _value(spec, departure), problem))
         clear, limit = clearance(yard, spec, seen(yard, active))
-        return math.log(max(clear / MARGIN, 1e-9)), limit
+        return math.log(max(clear, 1e-9)), limit
 
     points: list[tuple[float, float, str]] = []
     for departure in (scale[0], scale[2]):
@@ -144,7 +146,7 @@ def smallest_visible(
         if abs(g) < 0.1:
             break
     nearest = min(points, key=lambda p: abs(p[1]))
-    if nearest[1] < -0.7:
+    if nearest[1] < SHORT:
         return None, nearest[2]
     departure = math.exp(nearest[0] - nearest[1])
     return (None if departure > high else _value(spec, departure)), nearest[2]

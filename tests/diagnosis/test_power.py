@@ -47,14 +47,14 @@ def test_more_noise_hides_more(problem, recorded):
     specs = [spec_of(problem, "coulomb-friction", "load"), spec_of(problem, "backlash", "transmission")]
     found = {}
     with ThreadPoolExecutor(1) as pool:
-        for share in (0.01, 0.5):
+        for share in (0.01, 0.1):
             own = recorded(hits, share)
             stage = refit_base(own, predict_outputs, tuple(range(len(own.runs))), pool)
             judgement = judge(stage, (), split_runs(own).held_out)
             yard = yard_of(judgement, judgement.base)
             shown = [seen(yard, ActiveEffect(spec, (spec.scale(own)[1],))).z for spec in specs]
             found[share] = list(zip(shown, unseen(own, judgement, judgement.base, specs, pool), strict=True))
-    for (clear, quiet), (hidden, loud) in zip(found[0.01], found[0.5], strict=True):
+    for (clear, quiet), (hidden, loud) in zip(found[0.01], found[0.1], strict=True):
         assert hidden < 0.5 * clear
         assert quiet.size is not None and loud.size is not None
         assert loud.size > (1.1 if quiet.limited_by == loud.limited_by == "noise" else 0.5) * quiet.size
