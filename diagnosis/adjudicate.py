@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.base import Stage, rewhiten
+from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import REAL, Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
-from jointscope.diagnosis.objective import Objective, Predictions, whitened
+from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.polish import from_elsewhere, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
@@ -135,8 +135,9 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     for pair in [h for h in everything if len(h.names) == 2 and h.loss < alone]:
         everything.extend(parts_of(objective, pair, {h.names for h in everything}))
     everything.extend(twins(objective.problem, everything))
-    held = replace(objective, runs=held_runs, whiteners=())
-    held = whitened(held, noise, held.predictions(*best.fit.coordinates.unpack(best.fit.x)))
+    held, noise, _ = of_further_runs(
+        objective, held_runs, noise, MAX_ORDER, *best.fit.coordinates.unpack(best.fit.x)
+    )
     judged = tuple(evidence(h, objective, held) for h in everything)
     whole = replace(
         objective, runs=(*objective.runs, *held_runs), whiteners=(*objective.whiteners, *held.whiteners)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.input_noise import inlet
@@ -16,10 +17,13 @@ from jointscope.diagnosis.objective import Objective, Predict, Predictions, whit
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.resolution import clips
 from jointscope.diagnosis.split import content_order, level
-from jointscope.diagnosis.whiten import estimate_noise
+from jointscope.diagnosis.whiten import completed, estimate_noise
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.prepare import PreparedRun, Problem
+
+Vector = NDArray[np.float64]
 
 EARLY_ORDER = (
     0  # of the noise filter while a mismatch may still stand in the residual: a filter would learn the mismatch
@@ -169,6 +173,21 @@ def rewhiten(
     predictions = objective.predictions(theta, effects)
     noise = estimate_noise(objective.prepared, predictions, before, max_order, inlet(objective.problem, theta))
     return whitened(objective, noise, predictions), noise, predictions
+
+
+def of_further_runs(
+    objective: Objective,
+    runs: tuple[int, ...],
+    noise: NoiseModel,
+    max_order: int,
+    theta: Vector,
+    effects: tuple[ActiveEffect, ...],
+) -> tuple[Objective, NoiseModel, Predictions]:
+    """Other runs whitened by ``noise``, completed by what is left of kinds of channels that were not fitted."""
+    other = replace(objective, runs=runs, whiteners=())
+    predictions = other.predictions(theta, effects)
+    noise = completed(noise, other.prepared, predictions, max_order, inlet(objective.problem, theta))
+    return whitened(other, noise, predictions), noise, predictions
 
 
 def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: ThreadPoolExecutor) -> Stage:

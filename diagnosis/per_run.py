@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.base import Stage
+from jointscope.diagnosis.base import EARLY_ORDER, Stage, of_further_runs
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, with_run_weights
-from jointscope.diagnosis.objective import Objective, Predictions, whitened
+from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.refit import Fit, least_squares
 
 if TYPE_CHECKING:
@@ -43,9 +43,12 @@ ASKED = 2  # times that a payload is fitted and every run asked whether it carri
 
 def _all_runs(stage: Stage) -> tuple[Objective, Predictions]:
     """All runs of the problem, held-out ones too, whitened by the noise of ``stage``, and what it predicts of them."""
-    everything = replace(stage.objective, runs=tuple(range(len(stage.objective.problem.runs))), whiteners=())
-    predictions = everything.predictions(*stage.fit.coordinates.unpack(stage.fit.x))
-    return whitened(everything, stage.noise, predictions), predictions
+    every_run = tuple(range(len(stage.objective.problem.runs)))
+    theta, effects = stage.fit.coordinates.unpack(stage.fit.x)
+    everything, _, predictions = of_further_runs(
+        stage.objective, every_run, stage.noise, EARLY_ORDER, theta, effects
+    )
+    return everything, predictions
 
 
 def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:

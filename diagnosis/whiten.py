@@ -31,6 +31,7 @@ from jointscope.diagnosis.noise import (
     inflation,
     quantum,
     slowly_followed,
+    white,
 )
 
 if TYPE_CHECKING:
@@ -306,3 +307,24 @@ def estimate_noise(
         for key in outputs
     }
     return NoiseModel(blocks, gain, timing)
+
+
+def completed(
+    noise: NoiseModel,
+    runs: Sequence[PreparedRun],
+    predictions: Sequence[Sequence[Vector]],
+    max_order: int,
+    way: Inlet | None = None,
+) -> NoiseModel:
+    """``noise`` with a block for every kind of channel in ``runs``: what no fitted run has, by what is left of it here."""
+    own = [
+        (run, predicted)
+        for run, predicted in zip(runs, predictions, strict=True)
+        if any(block_key(run, output) not in noise.blocks for output in run.outputs)
+    ]
+    if not own:
+        return noise
+    theirs = [run for run, _ in own]
+    before = NoiseModel({**white(theirs).blocks, **noise.blocks}, noise.gain, noise.timing)
+    found = estimate_noise(theirs, [predicted for _, predicted in own], before, max_order, way)
+    return NoiseModel({**found.blocks, **noise.blocks}, noise.gain, noise.timing)
