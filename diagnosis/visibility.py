@@ -9,7 +9,8 @@ and dtheta its step,
     s(a)   = rms of the same in a channel over its signal's rms.
 
 The likelihood gain of a true effect is z^2 / 2 + z n with n standard normal, so that it passes a gate of g nats at 80 %
-where z exceeds sqrt(2 g + 0.84^2) + 0.84.
+where z exceeds sqrt(2 g + 0.84^2) + 0.84. An experiment in which an effect changes less than the noise of a torque log does
+(``echo``) counts by how loud it is beside that.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from jointscope.diagnosis.gates import (
     REAL_UNREACHED,
     SHARES,
     TELLING,
-)  # fmt: skip
+)
 from jointscope.diagnosis.noise import dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.per_run import labelling_cost

@@ -9,10 +9,11 @@ import pytest
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.energies import kind_of
 from jointscope.diagnosis.power import Unseen, unseen, unseen_json, values_at
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.split import split_runs
-from jointscope.diagnosis.visibility import clearance, seen, yard_of
+from jointscope.diagnosis.visibility import Seen, clearance, seen, yard_of
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +69,22 @@ def test_the_stated_size_stands_at_the_gate(judged):
     yard = yard_of(judgement, judgement.base)
     clear, limit = clearance(yard, spec, seen(yard, ActiveEffect(spec, (found.size,))))
     assert clear == pytest.approx(1.0, rel=0.3) and limit == found.limited_by
+
+
+def test_every_gate_counts(judged):
+    """Held-out runs that show nothing, an order picked out of many, an echo that is louder: each takes more to be seen."""
+    problem, judgement = judged[0.01]
+    yard = yard_of(judgement, judgement.base)
+    friction, ripple = spec_of(problem, "coulomb-friction", "load"), spec_of(problem, "torque-ripple", "motor")
+    clear = Seen(z=15.0, z_held=8.0, shown=5.0)
+    assert clearance(yard, friction, clear)[0] > 1.0
+    assert clearance(yard, friction, replace(clear, z_held=0.1)) == (pytest.approx(0.6, abs=0.2), "noise")
+    assert clearance(yard, friction, replace(clear, shown=0.1, z=12.0))[1] == "materiality"
+    assert clearance(yard, ripple, clear)[0] < clearance(yard, friction, clear)[0]
+    active = ActiveEffect(friction, (friction.scale(problem)[1],))
+    loud = {kind_of(run, output): 1e9 for run in problem.runs for output in run.outputs}
+    drowned = replace(yard, echo=loud, echo_nats={kind[0]: 1e12 for kind in loud})
+    assert seen(drowned, active).z < 0.1 * seen(yard, active).z
 
 
 def test_what_the_channels_forbid_has_a_reason_and_no_size(problem, judged):

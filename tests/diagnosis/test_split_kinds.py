@@ -1,4 +1,4 @@
-"""Hits to identify by, sweeps to be judged by: kinds of channels that no fitted run has are predicted and weighed all the same."""
+"""Hits to identify by, sweeps to be judged by: channels that no fitted run has are predicted and weighed all the same."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
