@@ -128,6 +128,8 @@ def white_part(x: Vector) -> float:
 def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, observer: float) -> float:
     """Power density of the torque log's noise over the sensor's own, as the output sees them far below ``pole`` [-].
 
+    0 where nothing drives the run, or where the record stands still and shows no noise of its own.
+
     Args:
         run: Driven by a logged torque.
         output: An angle that an observer holds.
@@ -140,5 +142,5 @@ def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, obser
     torque = way.factor * run.motor.noise / math.sqrt(run.motor.signal.rate)
     lever = run.ratio if output.location == "motor" else 1.0
     reached = torque / way.inertia * lever / observer**2
-    own = max(white_part(output.data[output.mask]), step / math.sqrt(12.0), 1e-300) / math.sqrt(output.rate)
-    return (reached / own) ** 2
+    own = max(white_part(output.data[output.mask]), step / math.sqrt(12.0)) / math.sqrt(output.rate)
+    return (reached / own) ** 2 if own > 0.0 else 0.0

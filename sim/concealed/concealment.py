@@ -109,7 +109,7 @@ def _single(
         if best is None or _miss(measured, target) < _miss(best[3], target):
             best = effect, sight, rivals, measured
     if best is None:
-        raise RuntimeError(f"no law of {sorted({law.effect for law in pool})} can be simulated on this rig")
+        raise FloatingPointError(f"no law of {sorted({law.effect for law in pool})} can be simulated on this rig")
     return (best[0],), _measured(yard, bench, *best[1:3])
 
 
@@ -143,7 +143,7 @@ def _undecidable(
         if measured.z_d < 4.0 <= measured.z:
             break
     if best is None:
-        raise RuntimeError("none of the doubtful laws can be simulated on this rig")
+        raise FloatingPointError("none of the doubtful laws can be simulated on this rig")
     return best
 
 

@@ -78,14 +78,15 @@ def decide(order: Order, index: int, again: int = 0) -> Case:
 def recorded(order: Order, index: int) -> tuple[Case, list[dict[str, Real]]]:
     """Case ``index`` and what its runs would record without noise.
 
-    How hard a case is is measured on a few of its runs; one that flies apart in another is drawn anew.
+    How hard a case is is measured on a few of its runs; one that flies apart in another is drawn anew, and
+    so is one of which no law can be simulated on its rig.
 
     Raises:
         FloatingPointError: Every one of the draws did.
     """
     for again in range(REDRAWN):
-        case = decide(order, index, again)
         try:
+            case = decide(order, index, again)
             return case, rehearse(case.bench.rig, case.bench.plan, case.effects, range(len(case.bench.plan.takes)))
         except FloatingPointError:
             if again == REDRAWN - 1:

@@ -1,10 +1,12 @@
 """The filter for a noisy input whitens what it should and owes no determinant."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter, lsim
 
-from jointscope.diagnosis.input_noise import ringing, second_order
+from jointscope.diagnosis.input_noise import Inlet, noise_share, ringing, second_order
 
 RATE = 1000.0
 
@@ -51,6 +53,16 @@ def test_what_noise_makes_ring_is_white_again():
     quiet = ringing((40.0, zeta), 1.0, RATE)(left)
     assert _lag(left) > 0.5
     assert abs(_lag(quiet)) < 0.1
+
+
+def test_a_record_that_stands_still_has_no_share_of_an_inputs_noise():
+    """A motor held by its friction: no step, no noise, and nothing to divide by."""
+    motor = SimpleNamespace(noise=0.1, signal=SimpleNamespace(rate=RATE))
+    run = SimpleNamespace(motor=motor, ratio=100.0)
+    way = Inlet(inertia=2.0, factor=1.0)
+    still = SimpleNamespace(data=np.full(400, 0.3), mask=np.ones(400, dtype=bool), location="motor", rate=RATE)
+    assert noise_share(run, still, way, 0.0, 12.0) == 0.0
+    assert noise_share(run, still, way, 1e-6, 12.0) > 0.0
 
 
 def _lag(x):

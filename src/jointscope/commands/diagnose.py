@@ -241,6 +241,9 @@ def summary(answer: dict[str, Any], out: Path) -> str:
             f"held-out runs ({len(held['runs'])}): relative error {said(held['base_error'])} with the base model, "
             f"{said(held['augmented_error'])} with the effects, noise floor {said(held['noise_floor'])}"
         )
+        if "wind_up_error" in held:  # what is left of angles that both drift off open loop
+            twist = held["wind_up_error"]
+            lines.append(f"  their wind-up: {said(twist['base'])} and {said(twist['augmented'])}")
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")
     lines += _simulation_lines(answer.get("simulation"))
