@@ -173,3 +173,19 @@ def test_a_case_that_flies_apart_is_drawn_anew_a_few_times(monkeypatch, flights)
         case, clean = recorded(order, 0)
         assert case.kind == "null" and len(clean) == 1
     assert len(tried) == min(flights + 1, REDRAWN)
+
+
+def test_a_case_of_which_no_law_can_be_simulated_is_drawn_anew(monkeypatch):
+    tried = []
+    conceal = draw.conceal
+
+    def hopeless(bench, kind, which, rng):
+        tried.append(bench)
+        if len(tried) == 1:
+            raise FloatingPointError("no law can be simulated on this rig")
+        return conceal(bench, kind, which, rng)
+
+    monkeypatch.setattr(draw, "conceal", hopeless)
+    monkeypatch.setattr(draw, "rehearse", lambda rig, plan, effects, runs: [{}])
+    case, _ = recorded(Order(5, 1, "nulls", "development"), 0)
+    assert case.kind == "null" and len(tried) == 2
