@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,15 @@ from jointscope.diagnosis.adjudicate import Judged, compare
 from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.constancy import changes_json
 from jointscope.diagnosis.describe import DEPENDS, showing
-from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, grouped, mean_error, mean_floor
+from jointscope.diagnosis.errors import (
+    ChannelError,
+    Free,
+    channel_errors,
+    grouped,
+    mean_error,
+    mean_floor,
+    without_drift,
+)
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.held_out_detail import held_out_detail
 from jointscope.diagnosis.intervals import Estimate, estimates
@@ -160,12 +169,24 @@ def held_out_json(
         "augmented_error": number(mean_error(augmented)),
         "noise_floor": number(mean_floor(augmented)),
         "by_experiment": {"base": grouped(base), "augmented": grouped(augmented)},
+        **_apart_from_drift(problem, base, augmented),
         **(
             {}
             if problem.rig.topology == "arm"
             else held_out_detail(problem, held, (base_theta, none), (theta, effects))
         ),
     }, augmented
+
+
+def _apart_from_drift(
+    problem: Problem, base: Sequence[ChannelError], augmented: Sequence[ChannelError]
+) -> dict[str, Any]:
+    """``without_drift`` of ``held_out``, where some channels drift off open loop and others do not."""
+    own, ours = without_drift(problem, base), without_drift(problem, augmented)
+    if not own or len(own) == len(base):
+        return {}
+    figures = {"base": mean_error(own), "augmented": mean_error(ours), "noise_floor": mean_floor(ours)}
+    return {"without_drift": {name: number(value) for name, value in figures.items()}}
 
 
 def marginal(diagnosis: Diagnosis) -> dict[str, float]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
+
+FOLLOWING = ("angle", "position", "angular-velocity", "velocity")
 
 
 class Free(Protocol):
@@ -51,6 +53,38 @@ class ChannelError:
 def said(error: float | None) -> str:
     """A relative error for people; silent channels have none."""
     return "not known" if error is None else f"{error:.4f}"
+
+
+def held_out_lines(held: Mapping[str, Any]) -> list[str]:
+    """``held_out`` of diagnosis.json for people."""
+    lines = [
+        f"held-out runs ({len(held['runs'])}): relative error {said(held['base_error'])} with the base model, "
+        f"{said(held['augmented_error'])} with the effects, noise floor {said(held['noise_floor'])}"
+    ]
+    if "without_drift" in held:
+        own = held["without_drift"]
+        lines.append(
+            f"  without angles that drift off open loop: {said(own['base'])} and {said(own['augmented'])}, "
+            f"noise floor {said(own['noise_floor'])}"
+        )
+    if "wind_up_error" in held:
+        lines.append(
+            f"  wind-up: {said(held['wind_up_error']['base'])} and {said(held['wind_up_error']['augmented'])}"
+        )
+    return lines
+
+
+def _adrift(run: PreparedRun) -> bool:
+    return run.motor_moves and run.speed_command is None
+
+
+def without_drift(problem: Problem, errors: Sequence[ChannelError]) -> list[ChannelError]:
+    """The errors that the model alone decides.
+
+    Open loop the rigid body goes where the torque log's last hundredth carries it, so that its angle tells models nothing.
+    """
+    adrift = {run.run.id for run in problem.runs if _adrift(run)}
+    return [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
 
 
 def rms(x: Vector) -> float:

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.adjudicate import compare
-from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error
+from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL
 from jointscope.diagnosis.verdict import adequacy_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.pipeline import Diagnosis
-    from jointscope.diagnosis.problem import PreparedRun
 
 WORSE = 0.01  # of the base's held-out error
 DRIFTING = 0.05  # the same where only angles that drift off are worse, or the runs confirm the effect step by step
@@ -26,12 +25,6 @@ NEARER = 0.6  # the same of what is left beyond the noise
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
-FOLLOWING = ("angle", "position", "angular-velocity", "velocity")
-
-
-def _adrift(run: PreparedRun) -> bool:
-    """Whether the rigid body goes where the log's last hundredth carries it, so that its angle tells models nothing."""
-    return run.motor_moves and run.speed_command is None
 
 
 def clearly_better(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
@@ -69,12 +62,11 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         return diagnosis
 
     problem = diagnosis.problem
-    adrift = {problem.runs[i].run.id for i in held if _adrift(problem.runs[i])}
 
     def error(judged: Judged) -> tuple[float, list[ChannelError]]:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
         errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
-        told = [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
+        told = without_drift(problem, errors)
         own = [e.apart if math.isfinite(e.apart) else e.error for e in told]
         return mean_error(errors), [replace(e, error=min(x, LOST)) for e, x in zip(told, own, strict=True)]
 

@@ -13,7 +13,7 @@ from jointscope.diagnosis.arm.answer import arm_answer
 from jointscope.diagnosis.arm.effects import split_location
 from jointscope.diagnosis.arm.pipeline import diagnose_arm
 from jointscope.diagnosis.arm.prepare import prepare_arm
-from jointscope.diagnosis.errors import said
+from jointscope.diagnosis.errors import held_out_lines
 from jointscope.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
@@ -82,10 +82,7 @@ def arm_summary(answer: dict[str, Any], out: Path) -> str:
             lines.append(f"  {joint}: not moved by these recordings, nothing can be said of it")
     held = answer["held_out"]
     if held:
-        lines.append(
-            f"held-out runs ({len(held['runs'])}): relative error {said(held['base_error'])} with the base model, "
-            f"{said(held['augmented_error'])} with the effects, noise floor {said(held['noise_floor'])}"
-        )
+        lines += held_out_lines(held)
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")
     lines.append(f"written to {out}")

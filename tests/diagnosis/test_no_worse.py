@@ -9,7 +9,7 @@ import pytest
 
 from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.errors import ChannelError, without_own_scatter
+from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import SECOND_CHOICE, clearly_better
 from jointscope.diagnosis.predict import predict_outputs
@@ -82,3 +82,21 @@ def test_a_hit_is_told_apart_from_its_own_gain_and_time(gain, left):
     own = without_own_scatter(recorded, ringing(t), t > 0.01, rate, noise)
     error = np.sqrt(np.mean((recorded - own)[t > 0.01] ** 2) / np.mean(ringing(t)[t > 0.01] ** 2))
     assert error == pytest.approx(left, abs=1e-3)
+
+
+def test_angles_that_drift_off_open_loop_are_left_out(problem):
+    """Of a sweep the angle, and nothing of a hit or of an accelerometer."""
+    sweep = next(run.run for run in problem.runs if run.motor_moves and run.speed_command is None)
+    hit = next(run.run for run in problem.runs if not run.motor_moves)
+    drifting = ChannelError(sweep.id, sweep.experiment, "angle@motor", 40.0, 0.01)
+    told = [
+        ChannelError(sweep.id, sweep.experiment, "linear-acceleration@arm", 0.1, 0.01),
+        ChannelError(hit.id, hit.experiment, "angle@arm", 0.2, 0.01),
+    ]
+    assert without_drift(problem, [drifting, *told]) == told
+    figures = {"base": 40.1, "augmented": 40.1, "noise_floor": 0.01}
+    held = {"runs": ["a"], **{f"{k}_error" if k != "noise_floor" else k: v for k, v in figures.items()}}
+    assert len(held_out_lines(held)) == 1
+    both = {**held, "without_drift": {**figures, "base": 0.15}, "wind_up_error": {"base": 0.3, "augmented": None}}
+    lines = held_out_lines(both)
+    assert "0.1500 and 40.1000" in lines[1] and "0.3000 and not known" in lines[2]

@@ -220,7 +220,7 @@ def _simulation(options: argparse.Namespace, campaign: Campaign, report: Report)
 
 def summary(answer: dict[str, Any], out: Path) -> str:
     """The answer in a few lines."""
-    from jointscope.diagnosis.errors import said
+    from jointscope.diagnosis.errors import held_out_lines
 
     lines = [f"verdict: {answer['verdict']} (probability {answer['verdict_probability']:.2f})"]
     if answer["unknown_reason"]:
@@ -237,13 +237,7 @@ def summary(answer: dict[str, Any], out: Path) -> str:
         )
     held = answer["held_out"]
     if held:
-        lines.append(
-            f"held-out runs ({len(held['runs'])}): relative error {said(held['base_error'])} with the base model, "
-            f"{said(held['augmented_error'])} with the effects, noise floor {said(held['noise_floor'])}"
-        )
-        if "wind_up_error" in held:  # what is left of angles that both drift off open loop
-            twist = held["wind_up_error"]
-            lines.append(f"  their wind-up: {said(twist['base'])} and {said(twist['augmented'])}")
+        lines += held_out_lines(held)
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")
     lines += _simulation_lines(answer.get("simulation"))
