@@ -11,7 +11,7 @@ from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
-from jointscope.diagnosis.no_worse import SECOND_CHOICE, clearly_better
+from jointscope.diagnosis.no_worse import SECOND_CHOICE, borne, clearly_better
 from jointscope.diagnosis.predict import predict_outputs
 
 
@@ -70,6 +70,19 @@ def test_what_is_clearly_better(error, floor, better):
     """Against a base of 0.1: a tenth less, or two fifths less of what is left beyond the noise."""
     named, base = ([ChannelError("r", "torque-sweep", "linear-acceleration@arm", e, floor)] for e in (error, 0.1))
     assert clearly_better(named, base) is better
+
+
+@pytest.mark.parametrize(
+    ("whole", "error", "sure", "stays"),
+    [
+        (1.04, 0.101, True, True), (1.04, 0.101, False, False), (1.04, 0.099, False, True), (1.4, 0.101, True, False),
+        (1.4, 0.099, True, True), (1.4, 0.099, False, False), (1.4, 0.05, False, True),
+    ],
+)  # fmt: skip
+def test_a_confirmed_effect_bears_what_angles_do_that_drift_off(whole, error, sure, stays):
+    """Evidence on held-out runs and errors no worse where the model decides; either alone bears 5 % in all."""
+    told, base = ([ChannelError("a", "torque-sweep", "acceleration@arm", e, 0.0)] for e in (error, 0.1))
+    assert borne(whole, told, base, sure) is stays
 
 
 @pytest.mark.parametrize(("gain", "left"), [(0.02, 0.0), (-0.02, 0.0), (0.2, 0.17)])
