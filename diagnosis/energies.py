@@ -30,19 +30,26 @@ def kind_of(run: PreparedRun, output: Output) -> Kind:
     return (run.run.experiment, output.quantity, output.location, output.direction)
 
 
-def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> Energies:
-    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``.
+def energies_between(
+    runs: Sequence[PreparedRun], some: Sequence[Sequence[Vector]], others: Sequence[Sequence[Vector]]
+) -> Energies:
+    """Squared difference of ``some`` and ``others`` and squared signal per experiment and channel, over the scored samples.
 
     An angle's signal is what it does within a quarter second: slower than that the observer follows the recording.
     """
     pooled: dict[Kind, tuple[float, float]] = {}
-    for run, predicted in zip(runs, predictions, strict=True):
-        for output, y in zip(run.outputs, predicted, strict=True):
+    for run, ones, twos in zip(runs, some, others, strict=True):
+        for output, one, two in zip(run.outputs, ones, twos, strict=True):
             key = kind_of(run, output)
-            error, signal = pooled.get(key, (0.0, 0.0))
-            x = asked_only(output.data - y, below_excitation(run, output))[output.mask]
-            pooled[key] = (error + float(x @ x), signal + dynamic_level(output) ** 2 * int(output.mask.sum()))
+            apart, signal = pooled.get(key, (0.0, 0.0))
+            x = asked_only(one - two, below_excitation(run, output))[output.mask]
+            pooled[key] = (apart + float(x @ x), signal + dynamic_level(output) ** 2 * int(output.mask.sum()))
     return pooled
+
+
+def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> Energies:
+    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``."""
+    return energies_between(runs, [[output.data for output in run.outputs] for run in runs], predictions)
 
 
 def improvement(

@@ -33,8 +33,7 @@ from jointscope.diagnosis.adjudicate import (
     Judgement,
 )
 from jointscope.diagnosis.base import representative
-from jointscope.diagnosis.energies import Kind, kind_of
-from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.diagnosis.energies import Kind, by_experiment, energies_between
 from jointscope.diagnosis.gates import (
     CARRIES_OVER,
     EVIDENT,
@@ -46,9 +45,9 @@ from jointscope.diagnosis.gates import (
     SHARES,
     TELLING,
 )
-from jointscope.diagnosis.noise import dynamic_level
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.per_run import labelling_cost
+from jointscope.diagnosis.screen import Tangent, tangent
 from jointscope.diagnosis.split import level
 
 if TYPE_CHECKING:
@@ -99,7 +98,7 @@ class Yard:
     """The chosen hypothesis over the runs that stand for all.
 
     Attributes:
-        basis: Orthonormal directions that the refit takes, shape (n_rows, n_parameters).
+        tangent: What the refit takes to first order.
         asked: Nats asked of an effect before its own costs.
         samples: Of all fitted runs.
         missed: Per channel: least explained energy over the signal's.
@@ -111,7 +110,7 @@ class Yard:
     held: Sample
     judged: Judged
     jacobian: NDArray[np.float64]
-    basis: NDArray[np.float64]
+    tangent: Tangent
     asked: float
     samples: int
     missed: dict[Kind, float]
@@ -131,7 +130,6 @@ class Seen:
 def _sample(objective: Objective, judged: Judged) -> Sample:
     chosen = representative(objective.problem, objective.runs, HITS, OTHERS)
     few = objective.restricted([i for i, run in enumerate(objective.runs) if run in chosen])
-
     runs = objective.problem.runs
     energy: dict[tuple[str, bool], list[float]] = {}
     for i in objective.runs:
@@ -151,9 +149,6 @@ def yard_of(judgement: Judgement, judged: Judged) -> Yard:
     w = few.residual(fit.x, fit.coordinates)
     rows = np.concatenate([np.full(p.stop - p.start, s) for p, s in zip(few.slices, fitted.weights, strict=True)])
     jacobian = few.columns(fit.x, fit.coordinates, w, range(fit.coordinates.n)) * rows[:, None]
-    size = np.linalg.norm(jacobian, axis=0)
-    u, singular, _ = np.linalg.svd(jacobian[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    basis = u[:, singular > 1e-9 * singular.max()] if singular.size else np.zeros((len(w), 0))
     parents = len(judged.names)
     needed = SHARES[min(parents, len(SHARES) - 1)]
     missed = {}
@@ -165,7 +160,18 @@ def yard_of(judgement: Judgement, judged: Judged) -> Yard:
         k: e / judged.energies[k][1] for k, e in judgement.echo.energies.items() if judged.energies[k][1] > 0.0
     }
     asked = REAL if parents == 0 else REAL_FURTHER
-    return Yard(fitted, held, judged, jacobian, basis, asked, samples, missed, echo, judgement.echo.nats)
+    return Yard(
+        fitted,
+        held,
+        judged,
+        jacobian,
+        tangent(w * rows, jacobian),
+        asked,
+        samples,
+        missed,
+        echo,
+        judgement.echo.nats,
+    )
 
 
 def seen(yard: Yard, active: ActiveEffect) -> Seen:
@@ -177,23 +183,23 @@ def seen(yard: Yard, active: ActiveEffect) -> Seen:
     if not all(np.all(np.isfinite(y)) for ys in (*data, *held) for y in ys):
         return Seen(math.inf, math.inf, math.inf)
     x, moved = _followed(yard, data)
-    left = yard.fitted.whitened(data, moved)
-    left = left - yard.basis @ (yard.basis.T @ left)
+    left = yard.tangent.project(yard.fitted.whitened(data, moved))
     moved_held = yard.held.predictions(*fit.coordinates.unpack(x))
-    energies = _by_experiment(yard.fitted, left)
-    energies_held = _by_experiment(yard.held, yard.held.whitened(held, moved_held))
-    explained = _explained(yard, data, moved)
+    nats = _nats(yard.fitted, left)
+    nats_held = _nats(yard.held, yard.held.whitened(held, moved_held))
+    between = energies_between(yard.fitted.objective.prepared, data, moved)
+    explained = {key: changed / signal for key, (changed, signal) in between.items() if signal > 0.0}
     loud = {
-        name: 0.5 * (e + energies_held.get(name, 0.0)) / yard.echo_nats.get(name, 0.0)
-        for name, e in energies.items()
+        name: (gained + nats_held.get(name, 0.0)) / yard.echo_nats[name]
+        for name, gained in nats.items()
         if yard.echo_nats.get(name, 0.0) > 0.0
     }
     for key, share in explained.items():
         if yard.echo.get(key, 0.0) > 0.0:
             loud[str(key[0])] = max(loud.get(str(key[0]), 0.0), share / yard.echo[key])
-    heard = {name: min(loud.get(name, 1.0), 1.0) ** 2 for name in {*energies, *energies_held}}
     z, z_held = (
-        math.sqrt(sum(e * heard[name] for name, e in known.items())) for known in (energies, energies_held)
+        math.sqrt(sum(2.0 * gained * min(loud.get(name, 1.0), 1.0) ** 2 for name, gained in known.items()))
+        for known in (nats, nats_held)
     )
     shown = [
         math.sqrt(max(share - yard.echo.get(key, 0.0), 0.0) / yard.missed.get(key, MATERIAL**2))
@@ -220,24 +226,10 @@ def _followed(yard: Yard, data: Predictions) -> tuple[Vector, Predictions]:
     return x, moved
 
 
-def _by_experiment(sample: Sample, w: Vector) -> dict[str, float]:
-    """w'w of the rows of every experiment."""
-    found: dict[str, float] = {}
-    for run, rows in zip(sample.objective.prepared, sample.objective.slices, strict=True):
-        found[run.run.experiment] = found.get(run.run.experiment, 0.0) + float(w[rows] @ w[rows])
-    return found
-
-
-def _explained(yard: Yard, data: Predictions, moved: Predictions) -> dict[Kind, float]:
-    """Energy of what the effect changes over the signal's, per experiment and channel."""
-    pooled: dict[Kind, list[float]] = {}
-    for run, ya, yb in zip(yard.fitted.objective.prepared, data, moved, strict=True):
-        for output, a, b in zip(run.outputs, ya, yb, strict=True):
-            r = asked_only(a - b, below_excitation(run, output))[output.mask]
-            total = pooled.setdefault(kind_of(run, output), [0.0, 0.0])
-            total[0] += float(r @ r)
-            total[1] += dynamic_level(output) ** 2 * int(output.mask.sum())
-    return {key: e / signal for key, (e, signal) in pooled.items() if signal > 0.0}
+def _nats(sample: Sample, w: Vector) -> dict[str, float]:
+    """Half of w'w of every experiment."""
+    halves = np.array([0.5 * float(w[rows] @ w[rows]) for rows in sample.objective.slices])
+    return by_experiment(halves, sample.objective.prepared)
 
 
 def _needed(nats: float) -> float:
