@@ -22,6 +22,7 @@ from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.resonances import resonances
 from jointscope.diagnosis.rivals import grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
@@ -189,6 +190,7 @@ def explore(
     report("fitting single effects")
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
+    singles.extend(resonances(first.objective, first.base.fit, candidates, effort))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):

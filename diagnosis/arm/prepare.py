@@ -111,7 +111,7 @@ def _base(
     driven = np.any([r.kinds == kernel.DRIVEN for r in runs], axis=0)
     informed = np.isin(np.arange(n), sought)
     free = np.stack(
-        [springs & informed, springs & informed, driven & (facts.rotor_inertia <= 0.0), driven & turning,
+        [springs, springs, driven & (facts.rotor_inertia <= 0.0), driven & turning,
          held & informed, held & informed]
     )  # fmt: skip
     if np.any(free[2]):
