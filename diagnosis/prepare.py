@@ -5,6 +5,8 @@ Nothing is read from titles, notes, ids, file or column names, or from the order
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from jointscope.diagnosis.inputs import log_noises
 from jointscope.diagnosis.parameters import base_spec
 from jointscope.diagnosis.problem import BaseSpec, Observed, Output, PreparedRun, Problem, Scales
@@ -13,6 +15,7 @@ from jointscope.diagnosis.sizes import unit_scales
 from jointscope.diagnosis.starts import finished
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign
+from jointscope.recordings.zeroed import zeroed
 
 __all__ = [
     "DRIFT_CORNER",
@@ -38,6 +41,7 @@ def prepare(campaign: Campaign) -> Problem:
         raise RefusedError(
             f"{campaign.path}: topology = 'arm': diagnosis needs one joint's runs; export them as a two-inertia campaign"
         )
+    campaign, offsets = zeroed(campaign)
     runs: list[PreparedRun] = []
     for run, noise in zip(campaign.runs, log_noises(campaign.runs, campaign.rig), strict=True):
         prepared = prepare_run(run, campaign.rig, len(runs), log_noise=noise)
@@ -48,7 +52,8 @@ def prepare(campaign: Campaign) -> Problem:
             f"{campaign.path}: no run holds an input and an output in time; record a force, torque or speed command "
             "together with an acceleration, speed or angle"
         )
-    return finished(campaign, tuple(runs))
+    problem = finished(campaign, tuple(runs))
+    return replace(problem, findings=(*offsets, *problem.findings))
 
 
 def prepare_inputs(campaign: Campaign) -> Problem:
@@ -61,6 +66,7 @@ def prepare_inputs(campaign: Campaign) -> Problem:
     """
     if campaign.rig.topology == "arm":
         raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
+    campaign, _ = zeroed(campaign)
     runs: list[PreparedRun] = []
     blind = [without_outputs(run) for run in campaign.runs]
     for run, noise in zip(blind, log_noises(blind, campaign.rig), strict=True):

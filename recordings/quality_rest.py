@@ -18,22 +18,14 @@ Real = NDArray[np.float64]
 
 def rest_findings(run: Run, signal: Signal, rig: Nameplate) -> Iterator[Finding]:
     """``offset`` and ``unsettled-iepe``, for channels that read zero at rest."""
-    if not reads_zero_at_rest(run, signal, rig):
+    level = rest_level(run, signal, rig)
+    if level is None:
         return
-    quiet = quiet_start(run, signal)
-    if quiet is None:
-        return
-    x, column, unit = signal.samples, signal.channel.column, si_unit(signal.channel)
-    level = float(np.median(quiet))
-    # slow noise makes a level less certain than white noise would: twice the white figure, six of those
-    uncertainty = 2.5 * _scatter(quiet) / math.sqrt(quiet.size)
-    share = 0.002 if signal.channel.quantity == "force" else 0.005
-    peak = float(np.nanmax(np.abs(x - level)))
-    if abs(level) <= max(6.0 * uncertainty, share * peak):
-        return
+    column, unit = signal.channel.column, si_unit(signal.channel)
+    peak = float(np.nanmax(np.abs(signal.samples - level)))
     shown = "" if unit == "1" else f" {unit}"
     detail = f"{level:.3g}{shown} at rest, {100.0 * abs(level) / peak:.2g} % of the peak"
-    if signal.channel.coupling == "ac" and _has_settled_later(x, level):
+    if settles_later(signal, level):
         constant = 1.0 / (2.0 * math.pi * (signal.channel.low_cutoff or math.inf))
         yield Finding(
             "unsettled-iepe",
@@ -43,6 +35,30 @@ def rest_findings(run: Run, signal: Signal, rig: Nameplate) -> Iterator[Finding]
         )
         return
     yield Finding("offset", run.id, column, f"{detail}: subtract it, or zero the amplifier")
+
+
+def rest_level(run: Run, signal: Signal, rig: Nameplate) -> float | None:
+    """What a channel that should read zero reads before anything happens, where that is certain and matters [its unit]."""
+    if not reads_zero_at_rest(run, signal, rig):
+        return None
+    quiet = quiet_start(run, signal)
+    if quiet is None:
+        return None
+    level = float(np.median(quiet))
+    # slow noise makes a level less certain than white noise would: twice the white figure, six of those
+    uncertainty = 2.5 * _scatter(quiet) / math.sqrt(quiet.size)
+    share = 0.002 if signal.channel.quantity == "force" else 0.005
+    peak = float(np.nanmax(np.abs(signal.samples - level)))
+    return level if abs(level) > max(6.0 * uncertainty, share * peak) else None
+
+
+def settles_later(signal: Signal, level: float) -> bool:
+    """Whether an ac-coupled channel that begins at ``level`` has left it by the end: its coupling was still charging."""
+    if signal.channel.coupling != "ac":
+        return False
+    x = signal.samples
+    tail = x[-max(16, x.size // 5) :]
+    return abs(float(np.nanmean(tail))) < 0.4 * abs(level)
 
 
 def reads_zero_at_rest(run: Run, signal: Signal, rig: Nameplate) -> bool:
@@ -91,8 +107,3 @@ def _between(force: Real, last: int, rate: float) -> Real | None:
     """A force record without pre-trigger: what comes well after the contact."""
     rest = force[last + max(16, round(0.02 * rate)) :]
     return rest if rest.size >= 16 else None
-
-
-def _has_settled_later(x: Real, level: float) -> bool:
-    tail = x[-max(16, x.size // 5) :]
-    return abs(float(np.nanmean(tail))) < 0.4 * abs(level)

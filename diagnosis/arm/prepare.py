@@ -20,6 +20,7 @@ from jointscope.diagnosis.problem import BaseSpec
 from jointscope.diagnosis.sizes import unit_scales
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign
+from jointscope.recordings.zeroed import zeroed
 
 Vector = NDArray[np.float64]
 
@@ -36,7 +37,8 @@ def prepare_arm(campaign: Campaign) -> ArmProblem:
     """
     facts = arm_facts(campaign)
     runs: list[ArmRun] = []
-    findings: list[str] = []
+    campaign, offsets = zeroed(campaign)
+    findings = list(offsets)
     for run in campaign.runs:
         made = arm_run(run, campaign.rig, facts, len(runs))
         if made is not None:

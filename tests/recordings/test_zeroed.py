@@ -1,0 +1,65 @@
+"""An amplifier's offset comes off before a diagnosis; what is no constant, or no offset, stays."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
+from jointscope.recordings.zeroed import zeroed
+
+RATE, N, HIT = 1024.0, 4096, 256
+
+
+def hit(rng, force_offset=0.0, sensor_offset=0.0, coupling="dc", plane="horizontal"):
+    t = np.clip((np.arange(N) - HIT) / RATE, 0.0, None)
+    force = 200.0 * np.exp(-(((t - 0.005) / 0.002) ** 2)) * (t > 0) + 0.1 * rng.standard_normal(N)
+    ring = 30.0 * np.exp(-8.0 * t) * np.sin(250.0 * t) + 0.02 * rng.standard_normal(N)
+    more = {"coupling": coupling, "low_cutoff": 0.5} if coupling == "ac" else {}
+    channels = (
+        Channel(column="f", quantity="force", unit="N", location="arm", role="input", radius=0.8, samples=force + force_offset),
+        Channel(column="a", quantity="linear-acceleration", unit="m/s^2", location="arm", role="output", radius=0.9,
+                samples=ring + sensor_offset, **more),
+    )  # fmt: skip
+    stream = Stream(file="a.csv", sampling_rate=RATE, length=N, channels=channels)
+    rig = Nameplate(topology="two-inertia", motion="rotational", plane=plane)
+    return Campaign(
+        path=Path("."), rig=rig, runs=(Run(id="h", experiment="hammer", streams=(stream,), brake=True),)
+    )
+
+
+def samples(campaign):
+    return [np.asarray(c.samples) for c in campaign.runs[0].streams[0].channels]
+
+
+def test_what_is_sound_is_the_same_campaign(rng):
+    campaign = hit(rng)
+    found, lines = zeroed(campaign)
+    assert found is campaign and lines == ()
+
+
+@pytest.mark.parametrize(("force", "sensor", "named"), [(1.5, 0.0, "force"), (0.0, -0.6, "linear-acceleration")])
+def test_an_offset_comes_off_to_the_scatter_of_its_quiet_start(force, sensor, named):
+    sound = hit(np.random.default_rng(3))
+    found, lines = zeroed(hit(np.random.default_rng(3), force, sensor))
+    assert len(lines) == 1 and lines[0].startswith(f"{named} at the arm (run h)") and "subtracted" in lines[0]
+    for clean, done in zip(samples(sound), samples(found), strict=True):
+        assert np.allclose(clean, done, atol=0.02)
+    again, further = zeroed(found)
+    assert again is found and further == ()
+
+
+def test_weight_on_a_dc_sensor_stays(rng):
+    campaign = hit(rng, sensor_offset=-9.81, plane="vertical")
+    assert zeroed(campaign)[0] is campaign
+
+
+def test_a_coupling_that_is_still_charging_stays(rng):
+    campaign = hit(rng, coupling="ac")
+    stream = campaign.runs[0].streams[0]
+    charging = 5.0 * np.exp(-np.arange(N) / RATE / 0.3)
+    channels = (stream.channels[0], replace(stream.channels[1], samples=stream.channels[1].samples + charging))
+    run = replace(campaign.runs[0], streams=(replace(stream, channels=channels),))
+    campaign = replace(campaign, runs=(run,))
+    assert zeroed(campaign)[0] is campaign
