@@ -190,7 +190,7 @@ def explore(
     report("fitting single effects")
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
-    singles.extend(resonances(first.objective, first.base.fit, candidates, effort))
+    singles.extend(resonances(first.objective, first.base.fit, candidates))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
