@@ -22,6 +22,9 @@ TOO_MUCH = 3.5  # times what was foretold, gained on the held-out runs: an effec
 LOSING = 0.3  # nats lost on the held-out runs that lose, over nats gained on those that gain, or due
 MATERIAL = 0.002  # rms of what is explained over the signal's rms, in the channel and experiment that show it most
 SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, second, third effect must add
+SHARE_BESIDE_EXACT = (
+    0.3  # the same beside laws that have one form only: they leave nothing of their own to be explained
+)
 SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
 REST = 0.9  # or this of the energy that the parent leaves: no stand-in for a form's error gets that far
 REST_OF_EXACT = 0.5  # the same beside laws that have one form only
@@ -99,6 +102,8 @@ class Comparison:
         held = 0.0 if math.isnan(self.held_gain) else self.held_gain
         much = self.gain + held > IN_EVIDENCE * self.parent_gain
         needed = SHARES[min(self.parents, len(SHARES) - 1)]
+        if self.exact:
+            needed = min(needed, SHARE_BESIDE_EXACT)
         both = self.share > SHARE_AND_EVIDENCE[0] and self.gain + held > SHARE_AND_EVIDENCE[1] * self.parent_gain
         nearly_all = self.rest > (REST_OF_EXACT if self.exact else REST)
         return (

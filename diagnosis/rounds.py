@@ -205,7 +205,10 @@ def explore(
     if alike:
         arena = settled(arena, alike, effort)
     report("fitting pairs")
-    for parent in arena.hypotheses[: effort.beam]:
+    distinct = {
+        h.names: h for h in reversed(arena.hypotheses)
+    }  # another law of the same name finds the same partners
+    for parent in sorted(distinct.values(), key=lambda h: h.loss)[: effort.beam]:
         pairs.extend(extend(arena.objective, parent, screening, effort))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):

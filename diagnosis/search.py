@@ -23,6 +23,7 @@ from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.screen import (
     Trial,
     best_per_spec,
+    one_sided,
     pairs,
     refined,
     resized,
@@ -253,7 +254,8 @@ def rescreen(
     left = directions - basis @ (basis.T @ directions)
     size = np.einsum("ij,ij->j", left, left).astype(float)
     inner = (left.T @ then.w.astype(np.float32)).astype(float)
-    gains = np.where(size > 0.01, inner**2 / np.maximum(size, 0.01), 0.0)
+    admitted = (inner > 0.0) | np.array([not one_sided(t.spec) for t in before.trials])
+    gains = np.where((size > 0.01) & admitted, inner**2 / np.maximum(size, 0.01), 0.0)
     chosen: dict[int, Trial] = {}
     for k in np.argsort(-gains, kind="stable"):
         trial = before.trials[k]

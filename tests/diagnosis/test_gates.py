@@ -118,6 +118,13 @@ def test_a_small_further_effect_stands_where_it_explains_what_its_parent_leaves(
     assert replace(weak, rest=rest, exact=exact).stands is stands
 
 
+@pytest.mark.parametrize(
+    ("share", "exact", "stands"), [(0.36, True, True), (0.36, False, False), (0.2, True, False)]
+)
+def test_a_law_of_one_form_leaves_nothing_that_a_smaller_share_could_stand_for(share, exact, stands):
+    assert replace(FURTHER, share=share, exact=exact, parent_gain=4000.0).stands is stands
+
+
 def test_without_held_out_runs_nothing_is_asked_of_them():
     assert replace(FOUND, held_gain=math.nan, expected_held=math.nan, foretold_held=math.nan, lost=math.nan).stands
 
