@@ -33,6 +33,12 @@ REAL_UNREACHED = 200.0  # nats asked of the fitted runs then
 LOST_UNREACHED = 30.0  # nats that the held-out runs may lose then: the base's parameters move a little
 
 
+def share_needed(parents: int, *, exact: bool) -> float:
+    """Share of all that is explained that an effect beside ``parents`` others must add, ``exact`` if each has one form."""
+    needed = SHARES[min(parents, len(SHARES) - 1)]
+    return min(needed, SHARE_BESIDE_EXACT) if exact else needed
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """A child against a parent.
@@ -101,9 +107,7 @@ class Comparison:
         """Real, carried over, and material or there beyond doubt."""
         held = 0.0 if math.isnan(self.held_gain) else self.held_gain
         much = self.gain + held > IN_EVIDENCE * self.parent_gain
-        needed = SHARES[min(self.parents, len(SHARES) - 1)]
-        if self.exact:
-            needed = min(needed, SHARE_BESIDE_EXACT)
+        needed = share_needed(self.parents, exact=self.exact)
         both = self.share > SHARE_AND_EVIDENCE[0] and self.gain + held > SHARE_AND_EVIDENCE[1] * self.parent_gain
         nearly_all = self.rest > (REST_OF_EXACT if self.exact else REST)
         return (

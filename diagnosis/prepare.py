@@ -66,10 +66,9 @@ def prepare_inputs(campaign: Campaign) -> Problem:
     """
     if campaign.rig.topology == "arm":
         raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
-    campaign, _ = zeroed(campaign)
+    blind, _ = zeroed(replace(campaign, runs=tuple(without_outputs(run) for run in campaign.runs)))
     runs: list[PreparedRun] = []
-    blind = [without_outputs(run) for run in campaign.runs]
-    for run, noise in zip(blind, log_noises(blind, campaign.rig), strict=True):
+    for run, noise in zip(blind.runs, log_noises(blind.runs, campaign.rig), strict=True):
         prepared = prepare_run(run, campaign.rig, len(runs), inputs_only=True, log_noise=noise)
         if prepared is None:
             raise RefusedError(

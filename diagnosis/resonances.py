@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.refit import Fit, least_squares
-from jointscope.diagnosis.search import Hypothesis, held_at, name_of, of_own_frequency, profile_loss
+from jointscope.diagnosis.search import Hypothesis, held_at, name_of, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
@@ -37,8 +37,9 @@ FREE = (30, 100)  # steps and simulations then: modes of neighbouring joints are
 def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
     """Every mode of a frequency of its own that explains anything beside ``base``, fitted."""
     first: dict[str, ActiveEffect] = {}
-    for active in filter(of_own_frequency, candidates):
-        first.setdefault(name_of(active.spec), active)
+    for active in candidates:
+        if active.spec.of_own_frequency:
+            first.setdefault(name_of(active.spec), active)
     found = []
     for active in first.values():
         path = _path(objective, base, active)

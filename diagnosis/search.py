@@ -6,7 +6,6 @@ nearly nothing where that ends above the parent, so a child is never worse than 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -187,12 +186,6 @@ def with_orders_held(where: Coordinates, x: Vector, new: int) -> Coordinates:
     return held_at(where, x, fixed) if fixed else where
 
 
-def of_own_frequency(active: ActiveEffect) -> bool:
-    """Whether the effect's size is the frequency of a mode."""
-    null = active.spec.parameters[active.spec.amplitude].null
-    return active.spec.family == "mode" and null is not None and math.isinf(null)
-
-
 def held_at(where: Coordinates, x: Vector, positions: Sequence[int]) -> Coordinates:
     """Bounds that keep the coordinates at ``positions`` where ``x`` has them."""
     lower, upper = where.lower.copy(), where.upper.copy()
@@ -318,7 +311,7 @@ def at_own_size(trial: Trial) -> ActiveEffect:
 
 def fit_singles(objective: Objective, base: Fit, screening: Screening, effort: Effort) -> list[Hypothesis]:
     """Fit the leading single effects; modes of a frequency of their own are laid out by ``resonances``."""
-    trials = [t for t in screening.leading if not of_own_frequency(t.active)]
+    trials = [t for t in screening.leading if not t.spec.of_own_frequency]
     return _fit_leading(objective, base, (), leaders(trials, effort.singles, effort.worth), effort)
 
 

@@ -42,8 +42,8 @@ from jointscope.diagnosis.gates import (
     REAL,
     REAL_FURTHER,
     REAL_UNREACHED,
-    SHARES,
     TELLING,
+    share_needed,
 )
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.per_run import labelling_cost
@@ -150,7 +150,7 @@ def yard_of(judgement: Judgement, judged: Judged) -> Yard:
     rows = np.concatenate([np.full(p.stop - p.start, s) for p, s in zip(few.slices, fitted.weights, strict=True)])
     jacobian = few.columns(fit.x, fit.coordinates, w, range(fit.coordinates.n)) * rows[:, None]
     parents = len(judged.names)
-    needed = SHARES[min(parents, len(SHARES) - 1)]
+    needed = share_needed(parents, exact=all(spec.exact for spec in judged.hypothesis.specs))
     missed = {}
     for key, (left, signal) in judged.energies.items():
         explained = max(judgement.base.energies[key][0] - left, 0.0) / signal if signal > 0.0 else 0.0

@@ -24,6 +24,7 @@ from jointscope.models.effects import AUGMENTED, BASE, DESCRIPTION, read_descrip
 from jointscope.progress import track
 from jointscope.recordings.campaign import Campaign, Run, Signal
 from jointscope.recordings.reader import read_campaign
+from jointscope.recordings.zeroed import zeroed
 from jointscope.sim.effects import loop_of, physics_of
 from jointscope.sim.replay import replay_run
 
@@ -128,7 +129,7 @@ def confirm(directory: Path, *, campaign: Path | None = None, timestep: float = 
         raise RefusedError(
             f"{directory / 'diagnosis.json'}: held_out: no run was kept back, so nothing can be confirmed on new data"
         )
-    recordings = read_campaign(campaign or _campaign(directory, answer))
+    recordings, _ = zeroed(read_campaign(campaign or _campaign(directory, answer)))
     checks = tuple(_checks(directory, description, recordings, _held_out(recordings, held["runs"]), timestep))
     return Confirmation(
         effects=names,

@@ -21,10 +21,9 @@ def rest_findings(run: Run, signal: Signal, rig: Nameplate) -> Iterator[Finding]
     level = rest_level(run, signal, rig)
     if level is None:
         return
-    column, unit = signal.channel.column, si_unit(signal.channel)
+    column = signal.channel.column
     peak = float(np.nanmax(np.abs(signal.samples - level)))
-    shown = "" if unit == "1" else f" {unit}"
-    detail = f"{level:.3g}{shown} at rest, {100.0 * abs(level) / peak:.2g} % of the peak"
+    detail = f"{at_rest(signal, level)}, {100.0 * abs(level) / peak:.2g} % of the peak"
     if settles_later(signal, level):
         constant = 1.0 / (2.0 * math.pi * (signal.channel.low_cutoff or math.inf))
         yield Finding(
@@ -50,6 +49,12 @@ def rest_level(run: Run, signal: Signal, rig: Nameplate) -> float | None:
     share = 0.002 if signal.channel.quantity == "force" else 0.005
     peak = float(np.nanmax(np.abs(signal.samples - level)))
     return level if abs(level) > max(6.0 * uncertainty, share * peak) else None
+
+
+def at_rest(signal: Signal, level: float) -> str:
+    """A level with its unit, for people."""
+    unit = si_unit(signal.channel)
+    return f"{level:.3g}{'' if unit == '1' else f' {unit}'} at rest"
 
 
 def settles_later(signal: Signal, level: float) -> bool:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from jointscope.recordings.campaign import Campaign, Run, Signal
-from jointscope.recordings.quality_rest import rest_level, settles_later
-from jointscope.recordings.units import si_unit
+from jointscope.recordings.campaign import Campaign, Run
+from jointscope.recordings.quality_rest import at_rest, rest_level, settles_later
 
 
 def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
@@ -27,7 +26,10 @@ def _zeroed_run(campaign: Campaign, run: Run, lines: list[str]) -> Run:
         level = rest_level(run, signal, campaign.rig)
         if level is not None and not settles_later(signal, level):
             levels[id(signal.channel)] = level
-            lines.append(_line(run, signal, level))
+            lines.append(
+                f"{signal.channel.quantity} at the {signal.channel.location} (run {run.id}): "
+                f"{at_rest(signal, level)} subtracted"
+            )
     if not levels:
         return run
     streams = tuple(
@@ -41,10 +43,3 @@ def _zeroed_run(campaign: Campaign, run: Run, lines: list[str]) -> Run:
         for stream in run.streams
     )
     return replace(run, streams=streams)
-
-
-def _line(run: Run, signal: Signal, level: float) -> str:
-    unit = si_unit(signal.channel)
-    shown = "" if unit == "1" else f" {unit}"
-    channel = signal.channel
-    return f"{channel.quantity} at the {channel.location} (run {run.id}): {level:.3g}{shown} at rest subtracted"

@@ -112,6 +112,12 @@ class EffectSpec:
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
 
     @property
+    def of_own_frequency(self) -> bool:
+        """Whether its size is the frequency of a mode, which is absent where that is infinite."""
+        null = self.parameters[self.amplitude].null
+        return self.family == "mode" and null is not None and math.isinf(null)
+
+    @property
     def amplitude(self) -> int:
         """Position of the parameter that switches the effect off."""
         for position, parameter in enumerate(self.parameters):
