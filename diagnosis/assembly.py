@@ -88,6 +88,22 @@ class Chain:
     vibration_mount: bool = False
 
 
+@dataclass(frozen=True)
+class Bends:
+    """Modes of the arm beside the joint's own, driven by the torque on it in units of J_L.
+
+    Attributes:
+        frequencies, dampings: Of each mode [Hz], [-].
+        shares: What each of the arm's accelerometers reads of each mode [-], one row per mode.
+        shapes: What each of them reads of the joint's own [-].
+    """
+
+    frequencies: tuple[float, ...] = ()
+    dampings: tuple[float, ...] = ()
+    shares: tuple[tuple[float, ...], ...] = ()
+    shapes: tuple[float, ...] = ()
+
+
 @dataclass
 class Assembly:
     """Everything that one simulation of one run needs.
@@ -99,6 +115,7 @@ class Assembly:
         theta: Base parameters, in the order of ``BASE_NAMES``.
         problem: The campaign that the run belongs to.
         chain: The acquisition.
+        bends: Further modes by superposition.
     """
 
     P: Vector
@@ -107,6 +124,7 @@ class Assembly:
     theta: Vector
     problem: Problem
     chain: Chain = field(default_factory=Chain)
+    bends: Bends = Bends()
 
     def base(self, name: str) -> float:
         """One base parameter."""

@@ -17,6 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.superposition import superposed
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -230,6 +231,8 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
         lever = assembly.P[kernel.BASE_TURN] + assembly.P[kernel.BASE_SLIDE] / (output.radius or math.inf)
         if lever != 1.0:
             acceleration = acceleration + (lever - 1.0) * states[:, kernel.X_MOUNT]
+    if assembly.bends.shapes:
+        acceleration = superposed(acceleration, assembly, run, output)
     if quantity != "linear-acceleration":
         return np.asarray(acceleration)
     return _specific_force(states, np.asarray(acceleration), assembly, output)

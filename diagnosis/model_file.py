@@ -4,7 +4,9 @@
   "rig": { nameplate },
   "base": { "stiffness": K [N m/rad], ... every base parameter, the drive's nuisance among them },
   "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value },
-                 "runs": { run id: weight, for effects of some runs }, "range": [ends of an unnamed law's nodes] } ] }
+                 "runs": { run id: weight, for effects of some runs }, "range": [ends of an unnamed law's nodes] } ],
+  "sensors": [ { "quantity", "location", "direction", "radius", "nth", "polarity": -1 if it counts the other way round,
+                 "offset": what it reads at rest [SI] } ] }
 """
 
 from __future__ import annotations
@@ -16,10 +18,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.effects import DRIFT_PER_RUN, LATENT, PAYLOADS, REGISTRY, ActiveEffect, with_run_weights
+from jointscope.diagnosis.effects import (
+    BENDS,
+    DRIFT_PER_RUN,
+    LATENT,
+    PAYLOADS,
+    REGISTRY,
+    ActiveEffect,
+    with_run_weights,
+)
 from jointscope.diagnosis.effects.latent import node_range
 from jointscope.errors import RefusedError
-from jointscope.recordings.campaign import Nameplate
+from jointscope.recordings.campaign import Nameplate, Run, Signal
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Problem
@@ -38,7 +48,37 @@ def model_json(problem: Problem, theta: Vector, effects: tuple[ActiveEffect, ...
         "rig": {key: value for key, value in asdict(problem.rig).items() if value is not None},
         "base": {name: float(value) for name, value in zip(problem.base.names, theta, strict=True)},
         "effects": [_entry(effect, problem) for effect in effects],
+        "sensors": _sensors(problem),
     }
+
+
+def _sensors(problem: Problem) -> list[dict[str, Any]]:
+    """Output channels that count the other way round or do not read zero at rest (mean over the runs), each once."""
+    seen: list[tuple[dict[str, Any], float, float]] = []
+    for run in problem.runs:
+        signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
+        seen.extend(
+            (sensor_of(run.run, signals[o.channel]), o.polarity, signals[o.channel].channel.taken_off)
+            for o in run.declared
+        )
+    found = []
+    for sensor in [s for i, (s, _, _) in enumerate(seen) if s not in [other for other, _, _ in seen[:i]]]:
+        polarity = next(sign for other, sign, _ in seen if other == sensor)
+        offset = float(np.mean([level for other, _, level in seen if other == sensor]))
+        if polarity < 0.0 or offset != 0.0:
+            found.append({**sensor, "polarity": polarity, "offset": offset})
+    return found
+
+
+def sensor_of(run: Run, signal: Signal) -> dict[str, Any]:
+    """What tells a sensor from the rig's others in any recording: quantity, place, direction, and which of those alike."""
+
+    def place(other: Signal) -> dict[str, Any]:
+        channel = other.channel
+        return {key: getattr(channel, key) for key in ("quantity", "location", "direction", "radius")}
+
+    alike = [(s.device, s.channel.column) for s in run.signals if place(s) == place(signal)]
+    return {**place(signal), "nth": alike.index((signal.device, signal.channel.column))}
 
 
 def _entry(effect: ActiveEffect, problem: Problem) -> dict[str, Any]:
@@ -82,7 +122,7 @@ def read_model_json(
 
 def _effect(entry: Mapping[str, Any], problem: Problem) -> ActiveEffect:
     name, location, variant = entry["effect"], entry["location"], entry.get("variant", "")
-    for spec in (*REGISTRY, *LATENT, *PAYLOADS, DRIFT_PER_RUN):
+    for spec in (*REGISTRY, *LATENT, *PAYLOADS, *BENDS, DRIFT_PER_RUN):
         if (spec.name, spec.location, spec.variant) == (name, location, variant):
             stated = entry["parameters"]
             missing = [p.name for p in spec.parameters if p.name not in stated]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.model_file import read_model_json
+from jointscope.diagnosis.model_file import read_model_json, sensor_of
 from jointscope.recordings.campaign import Campaign, Signal
 
 
@@ -30,6 +30,7 @@ def predict_campaign(
     """
     from jointscope.diagnosis.predict import free_prediction
     from jointscope.diagnosis.prepare import prepare_inputs
+    from jointscope.diagnosis.starts import inverted
 
     problem = prepare_inputs(campaign)
     _, theta, effects = read_model_json(model, problem)
@@ -37,8 +38,12 @@ def predict_campaign(
     for run in problem.runs:
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
         arrays = free_prediction(run, theta, effects, problem)
-        predictions[run.run.id] = [
-            (signals[output.channel], output.polarity * (np.asarray(y, dtype=np.float64) + output.offset))
-            for output, y in zip(run.declared, arrays, strict=True)
-        ]
+        predictions[run.run.id] = []
+        for declared, y in zip(run.declared, arrays, strict=True):
+            signal = signals[declared.channel]
+            sensor = sensor_of(run.run, signal)
+            known: dict[str, Any] = next((s for s in model.get("sensors", ()) if sensor.items() <= s.items()), {})
+            output = inverted(declared, run) if known.get("polarity", 1.0) < 0.0 else declared
+            recorded = output.polarity * (np.asarray(y, dtype=np.float64) + output.offset)
+            predictions[run.run.id].append((signal, recorded + known.get("offset", 0.0)))
     return predictions

@@ -18,6 +18,7 @@ from jointscope.diagnosis.afresh import afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.gates import MATERIAL
+from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
@@ -183,7 +184,9 @@ def explore(
         outside: Laws that may only lead: physics outside the contract's table, where the forward model knows any.
     """
     problem = stage.objective.problem
-    candidates = candidates_for(problem, (*specs, *per_run_specs(stage, problem)), residuals_of(stage))
+    left = residuals_of(stage)
+    own = (*per_run_specs(stage, problem), *several_bends(stage, left))
+    candidates = candidates_for(problem, (*specs, *own), left)
     first = opened(stage, candidates, effort)
     report(f"screening {len(candidates)} trials of {len(specs)} candidate laws")
     screening = screen_on(first.objective, first.base.fit, candidates, effort)

@@ -28,7 +28,7 @@ from jointscope.models.parameters import Joint, ParameterError
 from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.problem import BaseSpec, PreparedRun
+    from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
     from jointscope.diagnosis.responses import Response
     from jointscope.identification.drive_law import Drive
     from jointscope.recordings.campaign import Campaign, Nameplate
@@ -135,21 +135,25 @@ def _righted(
     findings: list[str] = []
     done: list[PreparedRun] = []
     for run in runs:
-        outputs = []
-        for output in run.outputs:
-            if flips.get(channel_key(run, output), 1.0) < 0.0:
-                start = run.initial_angle * (run.ratio if output.location == "motor" else 1.0)
-                angular = output.quantity in ("angle", "position")
-                data = 2.0 * start - output.data if angular else -output.data
-                offset = -(output.offset + 2.0 * start) if angular else 0.0
-                outputs.append(replace(output, data=data, polarity=-1.0, offset=offset))
+        wrong = [o.channel for o in run.outputs if flips.get(channel_key(run, o), 1.0) < 0.0]
+        outputs = tuple(inverted(o, run) if o.channel in wrong else o for o in run.outputs)
+        declared = tuple(inverted(o, run) if o.channel in wrong else o for o in run.declared)
+        for output in outputs:
+            if output.channel in wrong:
                 line = f"{output.quantity} at the {output.location} (run {run.run.id}): polarity inverted"
                 findings.append(line)
-            else:
-                outputs.append(output)
-        followed = any(o.observed and o.polarity < 0.0 for o in outputs)
-        done.append(replace(_mirrored(run) if followed else run, outputs=tuple(outputs)))
+        followed = any(o.observed and o.channel in wrong for o in outputs)
+        done.append(replace(_mirrored(run) if followed else run, outputs=outputs, declared=declared))
     return tuple(done), tuple(findings)
+
+
+def inverted(output: Output, run: PreparedRun) -> Output:
+    """The channel turned round; an angle about where the run starts."""
+    if output.quantity not in ("angle", "position"):
+        return replace(output, data=-output.data, polarity=-output.polarity, offset=-output.offset)
+    start = run.initial_angle * (run.ratio if output.location == "motor" else 1.0)
+    offset = -(output.offset + 2.0 * start)
+    return replace(output, data=2.0 * start - output.data, polarity=-output.polarity, offset=offset)
 
 
 def _mirrored(run: PreparedRun) -> PreparedRun:

@@ -58,6 +58,7 @@ class Channel:
     Attributes:
         samples: SI values, shape (n,), read-only; complex for an ``frf``; ``None`` where a declared column is absent
             from its file; NaN only where the stream says ``gaps = "mask"``.
+        taken_off: Level at rest that was subtracted from the samples [SI]; see ``recordings.zeroed``.
         unit: The unit in the file. With ``unit == "1"`` and no ``scale`` the samples are uncalibrated.
     """
 
@@ -88,6 +89,7 @@ class Channel:
     body: str | None = None
     point: tuple[float, float, float] | None = None
     axis: tuple[float, float, float] | None = None
+    taken_off: float = 0.0
     file_unit: str | None = None  # the file's own unit label, as found; only ever compared with ``unit``
 
     @property

@@ -48,7 +48,7 @@ def channel_line(channel: Channel, **changed: object) -> str:
     for field in fields(Channel):
         value = getattr(channel, field.name)
         if (
-            field.name in ("samples", "coherence", "file_unit")
+            field.name in ("samples", "coherence", "taken_off", "file_unit")
             or value is None
             or _DEFAULTS.get(field.name) == value
         ):

@@ -36,7 +36,9 @@ def _zeroed_run(campaign: Campaign, run: Run, lines: list[str]) -> Run:
         replace(
             stream,
             channels=tuple(
-                replace(c, samples=c.samples - levels[id(c)]) if id(c) in levels and c.samples is not None else c
+                replace(c, samples=c.samples - levels[id(c)], taken_off=levels[id(c)])
+                if id(c) in levels and c.samples is not None
+                else c
                 for c in stream.channels
             ),
         )

@@ -241,10 +241,11 @@ def _loads(setup: Setup, run: Run, times: Real, physics: Physics) -> dict[str, R
     """Hammer and torque on the arm by actuator, and the hammer's work on a bending mode."""
     hammer, torque = arm_forces(run, times, physics.acquisition)
     columns = {"hammer": hammer, "arm torque": torque}
-    if "link torque" in setup.machine.inputs:
-        columns["link torque"] = hammer * (hammer_radius(run) or 0.0) + torque
-    if "mount torque" in setup.machine.inputs:
-        columns["mount torque"] = hammer * (hammer_radius(run) or 0.0) + torque
+    on_the_arm = hammer * (hammer_radius(run) or 0.0) + torque
+    for name in setup.machine.inputs:
+        if name in ("link torque", "mount torque") or name.startswith("bend "):
+            columns[name] = on_the_arm
+    if "mount force" in setup.machine.inputs:
         columns["mount force"] = hammer
     return columns
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.effects import (
+    bends,
     drive,
     friction,
     load,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 __all__ = [
+    "BENDS",
     "DRIFT_PER_RUN",
     "LATENT",
     "PAYLOADS",
@@ -60,6 +62,8 @@ REGISTRY: tuple[EffectSpec, ...] = (
     *recorder.SPECS,
     *sensors.SPECS,
 )
+
+BENDS: tuple[EffectSpec, ...] = bends.SPECS
 
 STRANGERS: tuple[EffectSpec, ...] = strangers.SPECS
 

@@ -29,6 +29,7 @@ from jointscope.experiments.own_model.wanted import SHARES, Change, Share, Wante
 from jointscope.experiments.own_model.xml_document import Draft, Line, Sources, read_sources
 from jointscope.models.effects import augment
 from jointscope.recordings.campaign import Campaign, Run
+from jointscope.recordings.zeroed import zeroed
 from jointscope.sim.own_model import OwnJoint, load_own
 from jointscope.sim.replay_prescribed import prescribed
 
@@ -119,12 +120,15 @@ def study_own_model(
         RefusedError: No run of the campaign can be stepped.
     """
     report("reading your model")
+    campaign, _ = zeroed(campaign)  # as the diagnosis took it
     sources = read_sources(file)
     content = _content(campaign, file, joint)
     wanted = wanted_of(campaign, answer, model)
     bench = Bench(campaign, augment(model).description, workers)
     fitted, judged, held_out = _runs(campaign, answer)
-    predictions = predict_campaign(dict(model), campaign)
+    predictions = predict_campaign(
+        {**model, "sensors": ()}, campaign
+    )  # in the model's signs: the user's has them too
     trusted = [
         (run, {s.channel.column: np.asarray(y) for s, y in predictions.get(run.id, [])}) for run in campaign.runs
     ]

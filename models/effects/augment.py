@@ -36,7 +36,7 @@ _EFFECTS: dict[str, tuple[Writer, tuple[str, ...], float | None]] = {
     "gravity": (load.gravity, ("moment",), 0.0),
     "payload": (load.payload, ("inertia",), 0.0),
     "end-stop": (load.end_stop, ("stiffness",), 0.0),
-    "link-flexibility": (modes.link, ("inertia",), 0.0),
+    "link-flexibility": (modes.link, ("inertia", "share_of_1"), 0.0),
     "neighbour-flexibility": (modes.neighbour, ("modal_share",), 0.0),
     "base-compliance": (modes.mount, ("modal_share",), 0.0),
     "latent-law": (load.tabled, ("low",), math.nan),

@@ -1,6 +1,7 @@
 r"""Further modes as bodies: a part of the arm's inertia on its own spring, or a mount that turns under the joint.
 
 J_p (q'' + p'' + 2 zeta w p' + w^2 p) = phi_h T_ext, J_p out of J_L; the sensor reads q'' + phi_s p''
+J_L (p_r'' + 2 zeta w p_r' + w^2 p_r) = T_ext; sensor k reads shape_k q'' + sum_r s_rk p_r''
 J_b (b'' + 2 zeta w b' + w^2 b) = -T_S, J_b = J_L / share; the arm turns by q + b, its encoders see q
 Where the posture tells, J_b and the levers are those at the mount's own direction; replay sets each run's
 """
@@ -16,6 +17,8 @@ from jointscope.models.effects.building import Building, Parameters
 
 def link(building: Building, location: str, variant: str, p: Parameters) -> str:
     """The arm bends; hammer and accelerometer ride on the mode by their shapes."""
+    if "bends" in variant:
+        return bends(building, p)
     inertia = min(p["inertia"], 0.95 * building.inertia)
     share = math.sqrt(inertia / building.inertia)
     hit = p.get("hit_shape", p.get("shape", 0.0)) * share
@@ -27,6 +30,28 @@ def link(building: Building, location: str, variant: str, p: Parameters) -> str:
     if sensed != 0.0:
         building.law("link-sensor", shape=sensed)
     return "body, joint" + (" and actuator" if hit else "") + " 'link'"
+
+
+def bends(building: Building, p: Parameters) -> str:
+    """Further modes as inertias in parallel, driven by the torque on the arm; each accelerometer reads them by its shares."""
+    count = sum(key.startswith("frequency") for key in p)
+    shapes = [p[key] for key in sorted(key for key in p if key.startswith("shape_"))]
+    modes = []
+    for r in range(1, count + 1):
+        tail, name = "" if r == 1 else f"_{r}", f"bend {r}"
+        body = building.spec.worldbody.add_body(name=name)
+        _weigh(building, body, building.inertia)
+        _spring(
+            building.add_joint(body, name),
+            building.inertia,
+            {"frequency": p[f"frequency{tail}"], "damping": p[f"damping{tail}"]},
+        )
+        push = building.spec.add_actuator(name=f"{name} torque", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
+        push.gear[0] = 1.0
+        shares = [p[f"share{tail}_of_{k}"] for k in range(1, len(shapes) + 2)]
+        modes.append({"joint": name, "shares": shares})
+    building.law("bend-sensors", shapes=[1.0, *shapes], modes=modes)
+    return f"bodies, joints and actuators 'bend 1' to 'bend {count}'"
 
 
 def neighbour(building: Building, location: str, variant: str, p: Parameters) -> str:
@@ -77,13 +102,14 @@ def _levers(building: Building, variant: str, p: Parameters) -> tuple[float, flo
 
 def _on_the_arm(building: Building, name: str, inertia: float, p: Parameters) -> None:
     body = building.spec.body("arm").add_body(name=name)
-    if building.translational:
-        body.mass, body.inertia = inertia, [inertia, inertia, inertia]
-    else:
-        body.mass, body.inertia = 1e-9, [inertia, inertia, inertia]
-    body.ipos, body.explicitinertial = [0.0, 0.0, 0.0], True
+    _weigh(building, body, inertia)
     building.taken += inertia
     _spring(building.add_joint(body, name), inertia, p)
+
+
+def _weigh(building: Building, body: mujoco.MjsBody, inertia: float) -> None:
+    body.mass, body.inertia = inertia if building.translational else 1e-9, [inertia, inertia, inertia]
+    body.ipos, body.explicitinertial = [0.0, 0.0, 0.0], True
 
 
 def _spring(joint: mujoco.MjsJoint, inertia: float, p: Parameters) -> None:

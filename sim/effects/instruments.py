@@ -26,7 +26,7 @@ Real = NDArray[np.float64]
 Law = Mapping[str, Any]
 
 INSTRUMENTS = (  # in the order in which a signal passes them
-    "link-sensor", "mount-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth",
+    "link-sensor", "bend-sensors", "mount-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth",
     "sensor-saturation", "delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
 )  # fmt: skip
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
@@ -78,7 +78,10 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         if signal.channel.quantity not in ACCELERATIONS:
             return values
         for law in sorted(laws, key=lambda law: INSTRUMENTS.index(law["kind"])):
-            values = _through(law, signal, values, trace, STANDARD_GRAVITY if vertical else 0.0)
+            if law["kind"] == "bend-sensors":
+                values = _bent(law, run, signal, values, trace)
+            else:
+                values = _through(law, signal, values, trace, STANDARD_GRAVITY if vertical else 0.0)
         return values
 
     def kept(signal: Signal, samples: Real) -> Real:
@@ -200,6 +203,25 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
             )
         return np.asarray(cos * values + sin * (gravity * np.sin(q) - radius * v**2))
     return values
+
+
+def _bent(law: Law, run: Run, signal: Signal, values: Real, trace: Trace) -> Real:
+    """What an accelerometer on the arm reads of the joint's mode and of every further one, by its place among them."""
+    placed = [
+        (s.device, s.channel.column)
+        for s in run.signals
+        if s.channel.quantity in ACCELERATIONS
+        and s.channel.location != "motor"
+        and s.channel.direction == "tangential"
+    ]
+    if (signal.device, signal.channel.column) not in placed:
+        return values
+    k = placed.index((signal.device, signal.channel.column))
+    if k >= len(law["shapes"]):
+        return values
+    scale = (signal.channel.radius or 1.0) if signal.channel.quantity == "linear-acceleration" else 1.0
+    modes = (float(mode["shares"][k]) * trace.signals[f"{mode['joint']} acceleration"] for mode in law["modes"])
+    return np.asarray(float(law["shapes"][k]) * values + scale * sum(modes))
 
 
 def _mount(values: Real, frequency: float, damping: float, timestep: float) -> Real:

@@ -1,0 +1,104 @@
+r"""A structure with several modes, hit while the motor is held: each sensor at its own place on their shapes.
+
+The joint's own mode is the base. Each further one is a modal coordinate that the torque on the arm drives, in units of
+J_L, and that sensor k reads by a share s_rk (the product of both shapes, so of either sign):
+
+    J_L (p_r'' + 2 zeta_r w_r p_r' + w_r^2 p_r) = T_ext,    sensor k: shape_k q'' + sum_r s_rk p_r''        shape_1 = 1
+
+That is the whole of a linear structure's response (modal superposition, e.g. Ewins, Modal Testing, eq. 2.50), without the
+one bend's coupling to a law of the transmission. Starts come from the recordings themselves (``diagnosis.modal``).
+
+Facts used as tests: the response is the sum of the modes' own; without shares and with equal shapes it is the base.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.assembly import Bends
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, one_start
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.problem import Problem
+
+MOST_MODES = 8
+MOST_SENSORS = 3
+_LARGEST = 1e3  # share of a mode
+
+
+def _apply(modes: int, sensors: int) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        width = 2 + sensors
+        rows = [values[width * r : width * (r + 1)] for r in range(modes)]
+        assembly.bends = Bends(
+            frequencies=tuple(row[0] for row in rows),
+            dampings=tuple(row[1] for row in rows),
+            shares=tuple(row[2:] for row in rows),
+            shapes=(1.0, *values[width * modes :]),
+        )
+
+    return apply
+
+
+def _parameters(modes: int, sensors: int) -> tuple[ParameterSpec, ...]:
+    found: list[ParameterSpec] = []
+    for r in range(1, modes + 1):
+        tail = "" if r == 1 else f"_{r}"
+        found.append(ParameterSpec(f"frequency{tail}", "Hz", 0.5, 5e3, log=True))
+        found.append(ParameterSpec(f"damping{tail}", "1", 1e-5, 0.5, log=True))
+        for k in range(1, sensors + 1):
+            null = 0.0 if (r, k) == (1, 1) else None
+            found.append(ParameterSpec(f"share{tail}_of_{k}", "1", -_LARGEST, _LARGEST, null=null))
+    found.extend(ParameterSpec(f"shape_{k}", "1", -_LARGEST, _LARGEST) for k in range(2, sensors + 1))
+    return tuple(found)
+
+
+def possible(problem: Problem) -> str | None:
+    """Whether every run is a hit on an arm that its joint alone holds, seen by an accelerometer."""
+    if problem.rig.topology == "arm":
+        return "an arm's joints have their own modes"
+    if any(run.load is None or run.motor_moves or not run.spring for run in problem.runs):
+        return "the shapes of several modes are told by hits on a held joint only"
+    if not any(
+        "acceleration" in o.quantity and o.location != "motor" for run in problem.runs for o in run.outputs
+    ):
+        return "no acceleration of the arm was recorded"
+    return None
+
+
+def _bends(modes: int, sensors: int) -> EffectSpec:
+    width = 2 + sensors
+    shares = [width * r + k for r in range(modes) for k in range(2, width)]
+    return EffectSpec(
+        name="link-flexibility",
+        location="load",
+        variant=f"{modes}-bends-{sensors}-places",
+        family="mode",
+        parameters=_parameters(modes, sensors),
+        law=f"{modes} bending modes; each of {sensors} sensors sees them by its own shares",
+        revealed_by=("hammer",),
+        look_alikes=("base-compliance", "neighbour-flexibility", "sensor-resonance"),
+        apply=_apply(modes, sensors),
+        scale=lambda problem: (0.5, 1.0, 1.5),
+        starts=one_start,
+        possible=possible,
+        proportional=tuple(shares[1:]),
+    )
+
+
+SPECS: tuple[EffectSpec, ...] = tuple(
+    _bends(modes, sensors) for sensors in range(1, MOST_SENSORS + 1) for modes in range(1, MOST_MODES + 1)
+)
+
+
+def started(modes: int, sensors: int, values: Values) -> EffectSpec:
+    """The law of so many modes and sensors that starts at ``values``, in the order of its parameters."""
+    spec = next(s for s in SPECS if s.variant == f"{modes}-bends-{sensors}-places")
+    size, rest = values[spec.amplitude], (*values[: spec.amplitude], *values[spec.amplitude + 1 :])
+    sizes = (0.5 * size, size, 1.5 * size)
+    return replace(spec, scale=lambda problem: sizes, starts=lambda problem: (rest,))
+
+
+__all__ = ["MOST_MODES", "MOST_SENSORS", "SPECS", "possible", "started"]
