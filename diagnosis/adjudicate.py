@@ -22,7 +22,7 @@ from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import REAL, Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
-from jointscope.diagnosis.objective import Objective, Predictions
+from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
 from jointscope.diagnosis.polish import from_elsewhere, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
@@ -110,10 +110,21 @@ class Judgement:
         return self.judged[0]
 
 
+def _bounded(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Without leading ones that diverge on runs they were not searched on."""
+    kept = list(hypotheses)
+    while kept:
+        best = min(kept, key=lambda h: h.loss)
+        if DIVERGED not in objective.residual(best.fit.x, best.fit.coordinates):
+            break
+        kept.remove(best)
+    return kept
+
+
 def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, ...]) -> Judgement:
     """Put the base and every hypothesis on the noise of the best, refit the leading ones, predict the held-out runs."""
-    everything = [Hypothesis((), stage.fit, 0.0), *hypotheses]
     objective, noise = stage.objective, stage.noise
+    everything = [Hypothesis((), stage.fit, 0.0), *_bounded(objective, hypotheses)]
     best = min(everything[1:], key=lambda h: h.loss, default=everything[0])
     for _ in range(2):
         objective, noise, _ = rewhiten(objective, best.fit, noise, MAX_ORDER)

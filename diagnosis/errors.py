@@ -75,7 +75,7 @@ def held_out_lines(held: Mapping[str, Any]) -> list[str]:
 
 
 def _adrift(run: PreparedRun) -> bool:
-    return run.motor_moves and run.speed_command is None
+    return run.speed_command is None and (run.motor_moves or not run.spring)
 
 
 def without_drift(problem: Problem, errors: Sequence[ChannelError]) -> list[ChannelError]:

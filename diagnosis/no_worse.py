@@ -47,7 +47,7 @@ def borne(whole: float, told: Sequence[ChannelError], base: Sequence[ChannelErro
         base: The base's, likewise.
         sure: Whether held-out runs confirm it.
     """
-    no_worse = mean_error(told) <= mean_error(base)
+    no_worse = not told or mean_error(told) <= mean_error(base)  # nothing was recorded but what drifts off
     little = (sure or no_worse) and whole < 1.0 + DRIFTING
     return little or (sure and no_worse) or clearly_better(told, base)
 

@@ -57,6 +57,8 @@ def prepare_run(
         observed = None
     end = max((s.times[-1] for s in recorded), default=0.0)
     declared = tuple(_declared(s, rig, run, daq, end) for s in run.signals if _foretold(s))
+    if mode == "braked":
+        declared = tuple(_about_rest(o) for o in declared)
     outputs = () if inputs_only else _outputs(recorded, rig, run, mode, daq, observed)
     if not outputs and not inputs_only:
         return None
@@ -133,6 +135,14 @@ def _declared(signal: Signal, rig: Nameplate, run: Run, daq: int, end: float) ->
     if output.times.size == times.size:
         return output
     return replace(output, times=times, data=np.zeros(times.size), mask=np.zeros(times.size, dtype=np.bool_))
+
+
+def _about_rest(output: Output) -> Output:
+    """A held arm's angle of unknown zero counted from where it rests on average."""
+    if not (output.floating and output.mask.any()):
+        return output
+    rest = float(np.mean(output.data[output.mask]))
+    return replace(output, data=output.data - rest, offset=output.offset + rest)
 
 
 def _daq(run: Run) -> int:

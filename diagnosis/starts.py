@@ -16,10 +16,24 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.alignment import aligned, inexact
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.channels import high_pass
-from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
+from jointscope.diagnosis.parameters import (
+    assumptions,
+    base_spec,
+    beyond_nameplate,
+    bounded,
+    known_inertia,
+    torque_calibrated,
+)
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.problem import Problem
-from jointscope.diagnosis.responses import channel_key, fitted, passive_polarities, polarities, responses
+from jointscope.diagnosis.responses import (
+    channel_key,
+    fitted,
+    followers_polarities,
+    passive_polarities,
+    polarities,
+    responses,
+)
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
 from jointscope.diagnosis.wind_up import with_wind_up
@@ -56,7 +70,9 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
 def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = False) -> Problem:
     """Start values from whichever candidate comes nearest; ``exact`` says that uncertain clocks are aligned already."""
     base = base_spec(rig, runs)
+    runs, followers = _righted(runs, followers_polarities(runs))
     runs, findings = _righted(runs, passive_polarities(responses(runs, exact=exact)))
+    findings = (*followers, *findings)
     measured = responses(runs, exact=exact)
     problem = Problem(
         rig=rig,
@@ -88,7 +104,8 @@ def _nearest(problem: Problem, measured: tuple[Response, ...]) -> Problem:
         rest = rigid_start(base, runs, quick, known)
         if rest is not None:
             candidates.append(_joined(quick, rest))
-    best = min(candidates, key=lambda start: _misfit(problem, start))
+    likely = [start for start in candidates if not beyond_nameplate(start, runs, problem.rig)]
+    best = min(likely or candidates, key=lambda start: _misfit(problem, start))
     return replace(problem, base=replace(base, start=best))
 
 
@@ -165,6 +182,7 @@ def _mirrored(run: PreparedRun) -> PreparedRun:
     return replace(
         run,
         observed_half=half,
+        initial_speed=-run.initial_speed,
         observed=replace(run.observed, signal=signal),
     )
 

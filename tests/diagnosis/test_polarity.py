@@ -1,0 +1,159 @@
+"""A sensor mounted backwards, a clock that starts at will and a steady state change no answer and no error."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jointscope.diagnosis.adjudicate import judge
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.errors import channel_errors, without_drift
+from jointscope.diagnosis.no_worse import borne
+from jointscope.diagnosis.predict import free_prediction, predict_outputs
+from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.split import split_runs
+from jointscope.recordings.campaign import Nameplate, Run, Stream
+
+CARRIAGE = Nameplate(topology="single-dof", motion="translational", plane="horizontal", ground_spring=False)
+SPRUNG = dataclasses.replace(CARRIAGE, ground_spring=True)
+
+
+def turned(campaign, *locations):
+    """The campaign with the outputs at these places the other way up."""
+
+    def channel(c):
+        return dataclasses.replace(c, samples=-c.samples) if c.role == "output" and c.location in locations else c
+
+    runs = tuple(
+        dataclasses.replace(
+            run,
+            streams=tuple(
+                dataclasses.replace(s, channels=tuple(channel(c) for c in s.channels)) for s in run.streams
+            ),
+        )
+        for run in campaign.runs
+    )
+    return dataclasses.replace(campaign, runs=runs)
+
+
+def taken(builders, name, t, force, position, initial):
+    """One run of a force at a load and its position."""
+    stream = Stream(
+        file=f"{name}.csv", sampling_rate=1.0 / (t[1] - t[0]), length=t.size,
+        channels=(
+            builders.channel("F", "force", "N", "load", "input", force),
+            builders.channel("x", "position", "m", "load", "output", position),
+        ),
+    )  # fmt: skip
+    return Run(id=name, experiment="torque-sweep", streams=(stream,), initial=initial)
+
+
+def swung(force, mass, damping, stiffness, t, start):
+    def rates(u, x):
+        return [x[1], (force(u) - damping * x[1] - stiffness * x[0]) / mass]
+
+    return solve_ivp(
+        rates, (t[0], t[-1]), start, method="DOP853", rtol=1e-9, atol=1e-12, max_step=1e-3, t_eval=t
+    ).y
+
+
+@pytest.fixture(scope="module")
+def carriage(builders):
+    """A mass under a slow force, already on its way at the first sample."""
+    t = np.arange(4000) / 500.0
+    runs = []
+    for k, amplitude in enumerate((40.0, 60.0)):
+        force = lambda u, a=amplitude: a * np.sin(2 * np.pi * 0.7 * u)  # noqa: E731
+        x = swung(force, 30.0, 20.0, 0.0, t, [0.1, 0.4])
+        runs.append(taken(builders, f"take {k}", t, force(t), x[0], "estimate"))
+    return builders.campaign_of(runs, CARRIAGE)
+
+
+def base_of(problem, pool):
+    stage = refit_base(problem, predict_outputs, split_runs(problem).estimate, pool)
+    return stage, stage.fit.coordinates.unpack(stage.fit.x)[0]
+
+
+@pytest.fixture(scope="module")
+def pool():
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as threads:
+        yield threads
+
+
+def test_a_carriage_seen_from_the_other_side_is_the_same_carriage(carriage, pool):
+    """Its speed at the first sample is turned round too, so that it is foretold as well as before."""
+    errors = []
+    for campaign in (carriage, turned(carriage, "load")):
+        problem = prepare(campaign)
+        stage, theta = base_of(problem, pool)
+        assert theta[BASE_INDEX["load_inertia"]] == pytest.approx(30.0, rel=0.01)
+        errors.append([e.error for e in channel_errors(problem, free_prediction, (0, 1), theta, (), stage.noise)])
+    assert len(problem.findings) == 2
+    assert errors[1] == pytest.approx(errors[0], rel=1e-6)
+
+
+def test_an_arm_that_moves_against_its_motor_is_read_backwards(builders, plant):
+    def swept(name, amplitude):
+        """The builders' sweep with the arm's own angle beside the motor's, slow enough that both go the same way."""
+        run = builders.sweep_run(plant, amplitude, name)
+        daq, plc = run.streams
+        (motor,) = (c for c in plc.channels if c.quantity == "angle")
+        arm = builders.channel("q", "angle", "rad", "arm", "output", motor.samples / plant.n)
+        return dataclasses.replace(run, streams=(daq, dataclasses.replace(plc, channels=(*plc.channels, arm))))
+
+    campaign = builders.campaign_of([swept("a", 30.0), swept("b", 40.0)])
+    straight, backwards = prepare(campaign), prepare(turned(campaign, "arm"))
+
+    def signs(problem):
+        return {
+            o.polarity
+            for run in problem.runs
+            for o in run.declared
+            if (o.quantity, o.location) == ("angle", "arm")
+        }
+
+    assert signs(straight) == {1.0} and signs(backwards) == {-1.0}
+
+
+def test_a_steady_state_about_an_unknown_zero_is_foretold(builders, pool):
+    """The record begins anywhere in the period: its first sample is no rest."""
+    mass, stiffness, damping, rate, period = 2.0, 8.0e4, 30.0, 1000.0, 2000
+    rng = np.random.default_rng(2)
+    f = np.fft.rfftfreq(period, 1.0 / rate)
+    runs = []
+    for k in range(3):
+        spectrum = np.where((f >= 2.0) & (f <= 120.0), np.exp(2j * np.pi * rng.random(f.size)), 0.0)
+        response = spectrum / (stiffness - mass * (2 * np.pi * f) ** 2 + 2j * np.pi * f * damping)
+        force, x = (np.fft.irfft(s, period) * 5e3 for s in (spectrum, response))
+        x = x + 1e-3 * np.std(x) * rng.standard_normal(period) + 2e-3
+        runs.append(taken(builders, f"take {k}", np.arange(period) / rate, force, x, "estimate"))
+    problem = prepare(builders.campaign_of(runs, SPRUNG))
+    stage, theta = base_of(problem, pool)
+    assert theta[BASE_INDEX["stiffness"]] == pytest.approx(stiffness, rel=0.01)
+    errors = channel_errors(problem, free_prediction, (0, 1, 2), theta, (), stage.noise)
+    assert max(e.error for e in errors) < 0.03
+
+
+def test_where_all_that_was_recorded_drifts_off_the_path_decides(carriage, pool):
+    """Nothing is left to foretell a free carriage by: an effect stays if its held-out runs confirm it."""
+    problem = prepare(carriage)
+    stage, theta = base_of(problem, pool)
+    errors = channel_errors(problem, free_prediction, (0, 1), theta, (), stage.noise)
+    assert without_drift(problem, errors) == []
+    assert borne(3.0, [], [], True) and not borne(3.0, [], [], False)
+
+
+def test_a_hypothesis_that_diverges_elsewhere_is_not_judged(problem, pool):
+    """A resonance beyond the grid's reach can't be simulated: no noise is taken from it."""
+    stage, _ = base_of(problem, pool)
+    wild = stage.fit.x.copy()
+    position = int(np.flatnonzero(stage.fit.coordinates.free == BASE_INDEX["load_inertia"])[0])
+    wild[position] *= 1e-7
+    hypothesis = Hypothesis((), dataclasses.replace(stage.fit, x=wild, fresh=False), -1e9)
+    found = judge(stage, [hypothesis], split_runs(problem).held_out)
+    assert len(found.judged) == 1
