@@ -11,17 +11,20 @@ import numpy as np
 
 from jointscope.diagnosis.adjudicate import compare
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
-from jointscope.diagnosis.gates import AS_FORETOLD, REAL
+from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.verdict import adequacy_of
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.adjudicate import Judged, Judgement
+    from jointscope.diagnosis.adjudicate import Judged
     from jointscope.diagnosis.pipeline import Diagnosis
 
 WORSE = 0.01  # of the base's held-out error
 DRIFTING = 0.05  # the same where only angles that drift off are worse, or the runs confirm the effect step by step
 CLEARLY = 0.9  # of the base's error over what can be foretold, which a named effect must undercut where all in all it is worse
 NEARER = 0.6  # the same of what is left beyond the noise
+UNREACHED = (
+    0.005  # of the signal, by which runs that can't show an effect may be foretold worse: they refute nothing
+)
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
@@ -32,9 +35,8 @@ def clearly_better(told: Sequence[ChannelError], base: Sequence[ChannelError]) -
     return mean_error(told) < CLEARLY * mean_error(base) or _beyond_noise(told) < NEARER * _beyond_noise(base)
 
 
-def confirmed(judgement: Judgement, judged: Judged) -> bool:
+def confirmed(against: Comparison) -> bool:
     """Whether the held-out runs, tied to what was recorded, show the effect by themselves."""
-    against = compare(judgement, judgement.base, judged)
     return against.held_gain > max(REAL, AS_FORETOLD * against.foretold_held)
 
 
@@ -69,7 +71,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     little worse as a whole, or where it is clearly better over them. So it does where those runs confirm it step by step,
     from the recorded path, and it is little worse as a whole: what grows over a whole run then is an error of something
     else (a torque log's zero, a drive's law), for or against which the effect works by chance. Where those runs confirm it
-    and only angles that drift off are foretold worse, it stays however far they do.
+    and only angles that drift off are foretold worse, it stays however far they do; and where they never come to the place
+    that shows it (a stop), while they are foretold about as well.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -89,10 +92,11 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
 
     def worse(judged: Judged) -> bool:
         whole, told = error(judged)
-        if decision.verdict == "effects" and borne(
-            whole / max(of_base[0], 1e-300), told, of_base[1], confirmed(diagnosis.judgement, judged)
-        ):
-            return False
+        if decision.verdict == "effects":
+            against = compare(diagnosis.judgement, base, judged)
+            unreached = against.unreached and whole < of_base[0] + UNREACHED
+            if unreached or borne(whole / max(of_base[0], 1e-300), told, of_base[1], confirmed(against)):
+                return False
         return whole > (1.0 + WORSE) * of_base[0]
 
     if not worse(decision.chosen):

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
@@ -16,8 +15,6 @@ from jointscope.models.parameters import STANDARD_GRAVITY
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.recordings.campaign import Nameplate
-
-Vector = NDArray[np.float64]
 
 MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate beyond which a start that no hit gave is not believed
 OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
@@ -144,26 +141,22 @@ def stated_figures(rig: Nameplate) -> dict[str, float]:
     return {name: value for name, value in figures.items() if value is not None}
 
 
-def beyond_nameplate(start: Vector, runs: tuple[PreparedRun, ...], rig: Nameplate) -> bool:
-    """Whether a start that motions alone gave is beyond what a maker may be off by.
+def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
+    """The same, started from the nameplate where motions alone gave a start beyond what a maker may be off by.
 
     A motion shows little more than the ratio of K and J_L, and a sensor's fault makes that ratio look like another
-    joint's. A hit gives both, whatever the nameplate says: its figures are starts, never bounds.
+    joint's: where one of them only is stated, the other keeps the ratio. A hit gives both, whatever the nameplate says: its
+    figures are starts, never bounds.
     """
     if any(run.mode == "braked" for run in runs):
-        return False
-    figures = stated_figures(rig).items()
-    return any(abs(math.log(start[BASE_INDEX[n]] / v)) > math.log(MAKERS_FIGURE) for n, v in figures)
-
-
-def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
-    """The same, started from the nameplate where its start is :func:`beyond_nameplate`."""
-    if not beyond_nameplate(base.start, runs, rig):
         return base
     stated = stated_figures(rig)
+    apart = {name: value / base.start[BASE_INDEX[name]] for name, value in stated.items()}
+    if not any(abs(math.log(factor)) > math.log(MAKERS_FIGURE) for factor in apart.values()):
+        return base
     start = base.start.copy()
-    for name, value in stated.items():
-        start[BASE_INDEX[name]] = value
+    for name in ("stiffness", "load_inertia"):
+        start[BASE_INDEX[name]] *= apart.get(name, next(iter(apart.values())))
     if rig.damping_reference is not None:
         start[BASE_INDEX["damping"]] = rig.damping_reference
     return replace(base, start=start)

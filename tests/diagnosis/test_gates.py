@@ -164,6 +164,8 @@ def test_a_start_that_motions_gave_an_order_of_magnitude_off_the_nameplate_is_no
     assert changed[names.index("stiffness")] == 2e5 and changed[names.index("load_inertia")] == 3.0
     kept = near_nameplate(replace(problem.base, start=near), moved, rig).start
     np.testing.assert_array_equal(kept, near)
+    stiff = near_nameplate(replace(problem.base, start=far), moved, replace(rig, inertia_reference=None)).start
+    assert stiff[names.index("stiffness")] == 2e5 and stiff[names.index("load_inertia")] == pytest.approx(3.0)
     hit = near_nameplate(replace(problem.base, start=far), problem.runs, rig).start
     np.testing.assert_array_equal(hit, far)
 
