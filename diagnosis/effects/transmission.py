@@ -163,6 +163,14 @@ def _not_per_run(problem: Problem) -> str | None:
     return reason
 
 
+_SOFTEST = 0.7  # share of the stiffness that a soft region may lack: with more it is a gap
+
+
+def _is_soft(values: Values) -> bool:
+    """Whether something of the spring is left inside: one that would lack more if it might is play."""
+    return values[0] < 0.99 * _SOFTEST
+
+
 _HITS = ("hammer", "torque-sweep")
 _SPRING = ("stiffness-nonlinearity", "backlash", "hysteresis")
 
@@ -216,7 +224,7 @@ SPECS: tuple[EffectSpec, ...] = (
         variant="piecewise-cubic",
         family="stiffness",
         parameters=(
-            ParameterSpec("soft_share", "1", -1.0, 0.7, null=0.0),
+            ParameterSpec("soft_share", "1", -1.0, _SOFTEST, null=0.0),
             ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
             ParameterSpec("cubic", "N m/rad^3", -1e30, 1e30),
         ),
@@ -225,6 +233,7 @@ SPECS: tuple[EffectSpec, ...] = (
         look_alikes=_SPRING[1:],
         apply=_piecewise_cubic,
         scale=lambda problem: (0.02, 0.12, 0.4),
+        sensible=_is_soft,
         starts=lambda problem: tuple((*angle, 0.0) for angle in _soft_starts(problem)),
         possible=needs_spring,
         limits=lambda problem: {**_soft_limits(problem), **_cubic_limits(problem)},
@@ -235,7 +244,7 @@ SPECS: tuple[EffectSpec, ...] = (
         variant="piecewise",
         family="stiffness",
         parameters=(
-            ParameterSpec("soft_share", "1", -1.0, 0.7, null=0.0),
+            ParameterSpec("soft_share", "1", -1.0, _SOFTEST, null=0.0),
             ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
         ),
         law="K Delta outside +-d, (1 - soft_share) K inside",
@@ -243,6 +252,7 @@ SPECS: tuple[EffectSpec, ...] = (
         look_alikes=_SPRING[1:],
         apply=_piecewise,
         scale=lambda problem: (0.02, 0.12, 0.4),
+        sensible=_is_soft,
         starts=_soft_starts,
         possible=needs_spring,
         limits=_soft_limits,

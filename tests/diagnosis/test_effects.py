@@ -365,3 +365,10 @@ def test_a_brake_that_never_slips_is_a_held_motor(problem, truth):
     for a, b in zip(base, held, strict=True):
         for x, y in zip(a, b, strict=True):
             assert np.abs(x - y).max() < 1e-3 * max(np.abs(x).max(), 1e-9)
+
+
+@pytest.mark.parametrize("variant", ["piecewise", "piecewise-cubic"])
+def test_a_soft_region_that_lacks_all_it_may_is_a_gap(problem, variant):
+    spec = next(s for s in catalogue(problem) if s.variant == variant)
+    rest = tuple(spec.starts(problem)[0])
+    assert spec.sensible((0.5, *rest)) and not spec.sensible((spec.parameters[0].upper, *rest))
