@@ -156,11 +156,23 @@ def test_a_log_is_undone_alike_before_and_after_it_is_interpolated(kind, log_rat
 )
 def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_effect, held_gain, kept):
     """Open loop an angle drifts off whatever the model; what counts is what can be foretold, and what runs confirm."""
+    assert handed_on(monkeypatch, (0.3, 7.0), with_effect, held_gain) is kept
+
+
+@pytest.mark.parametrize(
+    ("unreached", "error", "kept"), [(False, 0.014, False), (True, 0.014, True), (True, 0.03, False)]
+)
+def test_runs_that_never_reach_an_effect_refute_nothing(monkeypatch, unreached, error, kept):
+    assert handed_on(monkeypatch, (0.012, 0.012), (error, error), 0.0, unreached=unreached) is kept
+
+
+def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False):
+    """Whether an effect stays: errors of an acceleration and of an angle that drifts off, without and with it."""
     from jointscope.diagnosis import no_worse
     from jointscope.diagnosis.errors import ChannelError
 
     def errors(problem, free, held, theta, effects, noise):
-        acceleration, angle = with_effect if effects else (0.3, 7.0)
+        acceleration, angle = with_effect if effects else of_base
         return (
             ChannelError("r", "torque-sweep", "linear-acceleration@arm", acceleration, math.nan),
             ChannelError("r", "torque-sweep", "angle@motor", angle, math.nan),
@@ -171,7 +183,7 @@ def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_e
             names=names, fit=SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, effects)))
         )
 
-    against = SimpleNamespace(held_gain=held_gain, foretold_held=1000.0)
+    against = SimpleNamespace(held_gain=held_gain, foretold_held=1000.0, unreached=unreached)
     monkeypatch.setattr(no_worse, "compare", lambda *_: against)
     monkeypatch.setattr(no_worse, "channel_errors", errors)
     monkeypatch.setattr(no_worse, "adequacy_of", lambda *_: None)
@@ -185,7 +197,7 @@ def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_e
         decision=decision, split=SimpleNamespace(held_out=(0,)), problem=SimpleNamespace(runs=(run,)),
         judgement=SimpleNamespace(base=base, noise=None),
     )  # fmt: skip
-    assert (no_worse.handed_on(diagnosis, None).decision.verdict == "effects") is kept
+    return no_worse.handed_on(diagnosis, None).decision.verdict == "effects"
 
 
 def screened(*columns, w):
