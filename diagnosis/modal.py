@@ -20,7 +20,7 @@ from jointscope.diagnosis.assembly import assemble
 from jointscope.diagnosis.channels import recorded
 from jointscope.diagnosis.effects import bends
 from jointscope.diagnosis.effects.lines import response_peaks, spectral_peaks
-from jointscope.diagnosis.superposition import modal_acceleration, reads_the_arm
+from jointscope.diagnosis.superposition import accelerometers, modal_acceleration
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage
@@ -74,7 +74,7 @@ class _Hits:
     @property
     def longest(self) -> float:
         """Record of a hit [s]."""
-        return max(float(o.times[-1] - o.times[0]) for o in _accelerometers(self.run(0)))
+        return max(float(o.times[-1] - o.times[0]) for o in accelerometers(self.run(0).outputs))
 
     @property
     def places(self) -> int:
@@ -87,7 +87,7 @@ class _Hits:
         for i, force in enumerate(self.forces):
             run = self.run(i)
             moved = modal_acceleration(force, frequency, damping, run.grid_rate)
-            outputs = _accelerometers(run)
+            outputs = accelerometers(run.outputs)
             found.append(
                 [
                     _unit(o) / scale * recorded(moved, run.grid_rate, run.t0, o.times, o.rate) * o.mask
@@ -95,10 +95,6 @@ class _Hits:
                 ]
             )
         return found
-
-
-def _accelerometers(run: PreparedRun) -> list[Output]:
-    return sorted((o for o in run.outputs if reads_the_arm(o)), key=lambda o: o.channel)
 
 
 def _unit(output: Output) -> float:
@@ -136,7 +132,7 @@ def several_bends(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> tuple[
 
 def _hits(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> _Hits | None:
     problem = stage.objective.problem
-    counts = {len(_accelerometers(run)) for run in problem.runs}
+    counts = {len(accelerometers(run.outputs)) for run in problem.runs}
     if bends.possible(problem) is not None or len(counts) != 1 or not 1 <= max(counts) <= bends.MOST_SENSORS:
         return None
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
@@ -147,7 +143,7 @@ def _hits(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> _Hits | None:
         assembly = assemble(run, theta, problem)
         forces.append(load_input(assembly)[::2] / assembly.base("load_inertia"))
         rows = {o.channel: (r, y) for o, r, y in zip(run.outputs, residuals[i], predicted, strict=True)}
-        pairs = [(o, *rows[o.channel]) for o in _accelerometers(run)]
+        pairs = [(o, *rows[o.channel]) for o in accelerometers(run.outputs)]
         left.append([r * o.mask for o, r, _ in pairs])
         base.append([y * o.mask for o, _, y in pairs])
     both = zip(zip(*left, strict=True), zip(*base, strict=True), strict=True)
@@ -196,9 +192,9 @@ def _next(hits: _Hits, modes: Sequence[tuple[float, float]]) -> tuple[float, flo
     left = _solved(hits, modes)[0] if modes else hits.left
     rows: list[list[Vector]] = [[np.zeros(o.data.size) for o in run.outputs] for run in problem.runs]
     for i, run in enumerate(hits.runs):
-        for o, x in zip(_accelerometers(problem.runs[run]), left[i], strict=True):
+        for o, x in zip(accelerometers(problem.runs[run].outputs), left[i], strict=True):
             rows[run][[p is o for p in problem.runs[run].outputs].index(True)] = np.asarray(x)
-    rate = min(o.rate for o in _accelerometers(hits.run(0)))
+    rate = min(o.rate for o in accelerometers(hits.run(0).outputs))
     band, count = (4.0 / hits.longest, REACH * rate), TRIED + len(modes)
     peaks = (
         *response_peaks(problem, rows, *band, count),

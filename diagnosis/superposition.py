@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,24 +26,18 @@ def modal_acceleration(force: Vector, frequency: float, damping: float, rate: fl
     return np.asarray(lfilter(b.ravel(), a.ravel(), force), dtype=np.float64)
 
 
-def reads_the_arm(output: Output) -> bool:
-    """Whether this is an accelerometer on the arm, along its motion."""
-    return "acceleration" in output.quantity and output.location != "motor" and output.direction == "tangential"
-
-
-def place(run: PreparedRun, output: Output) -> int:
-    """Which of the run's accelerometers on the arm this is, by its channel."""
-    among = run.outputs if any(o is output for o in run.outputs) else run.declared
-    channels = sorted(o.channel for o in among if reads_the_arm(o))
-    return channels.index(output.channel)
+def accelerometers(outputs: Iterable[Output]) -> list[Output]:
+    """Those on the arm along its motion, in the order of their channels."""
+    found = (o for o in outputs if "acceleration" in o.quantity and o.location != "motor")
+    return sorted((o for o in found if o.direction == "tangential"), key=lambda o: o.channel)
 
 
 def superposed(acceleration: Vector, assembly: Assembly, run: PreparedRun, output: Output) -> Vector:
     """The joint's own acceleration as this sensor's place sees it, with the further modes', shape of ``acceleration``."""
     bends = assembly.bends
-    if not reads_the_arm(output):
-        return acceleration
-    k = place(run, output)
+    among = run.outputs if any(o is output for o in run.outputs) else run.declared
+    places = [o.channel for o in accelerometers(among)]
+    k = places.index(output.channel) if output.channel in places else len(bends.shapes)
     if k >= len(bends.shapes):
         return acceleration
     force = load_input(assembly)[::2] / assembly.base("load_inertia")
