@@ -54,20 +54,19 @@ def model_json(problem: Problem, theta: Vector, effects: tuple[ActiveEffect, ...
 
 def _sensors(problem: Problem) -> list[dict[str, Any]]:
     """Output channels that count the other way round or do not read zero at rest (mean over the runs), each once."""
-    seen: list[tuple[dict[str, Any], float, float]] = []
+    seen: dict[tuple[Any, ...], tuple[dict[str, Any], float, list[float]]] = {}
     for run in problem.runs:
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
-        seen.extend(
-            (sensor_of(run.run, signals[o.channel]), o.polarity, signals[o.channel].channel.taken_off)
-            for o in run.declared
-        )
-    found = []
-    for sensor in [s for i, (s, _, _) in enumerate(seen) if s not in [other for other, _, _ in seen[:i]]]:
-        polarity = next(sign for other, sign, _ in seen if other == sensor)
-        offset = float(np.mean([level for other, _, level in seen if other == sensor]))
-        if polarity < 0.0 or offset != 0.0:
-            found.append({**sensor, "polarity": polarity, "offset": offset})
-    return found
+        for output in run.declared:
+            signal = signals[output.channel]
+            sensor = sensor_of(run.run, signal)
+            _, _, levels = seen.setdefault(tuple(sensor.values()), (sensor, output.polarity, []))
+            levels.append(signal.channel.taken_off)
+    return [
+        {**sensor, "polarity": polarity, "offset": float(np.mean(levels))}
+        for sensor, polarity, levels in seen.values()
+        if polarity < 0.0 or any(levels)
+    ]
 
 
 def sensor_of(run: Run, signal: Signal) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.assembly import Bends
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, one_start
+from jointscope.diagnosis.superposition import accelerometers
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -61,9 +62,7 @@ def possible(problem: Problem) -> str | None:
         return "an arm's joints have their own modes"
     if any(run.load is None or run.motor_moves or not run.spring for run in problem.runs):
         return "the shapes of several modes are told by hits on a held joint only"
-    if not any(
-        "acceleration" in o.quantity and o.location != "motor" for run in problem.runs for o in run.outputs
-    ):
+    if not any(accelerometers(run.outputs) for run in problem.runs):
         return "no acceleration of the arm was recorded"
     return None
 
@@ -81,7 +80,7 @@ def _bends(modes: int, sensors: int) -> EffectSpec:
         revealed_by=("hammer",),
         look_alikes=("base-compliance", "neighbour-flexibility", "sensor-resonance"),
         apply=_apply(modes, sensors),
-        scale=lambda problem: (0.5, 1.0, 1.5),
+        scale=lambda problem: (0.5, 1.0, 1.5),  # this and the starts come from the recordings: ``started``
         starts=one_start,
         possible=possible,
         proportional=tuple(shares[1:]),

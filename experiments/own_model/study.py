@@ -126,9 +126,8 @@ def study_own_model(
     wanted = wanted_of(campaign, answer, model)
     bench = Bench(campaign, augment(model).description, workers)
     fitted, judged, held_out = _runs(campaign, answer)
-    predictions = predict_campaign(
-        {**model, "sensors": ()}, campaign
-    )  # in the model's signs: the user's has them too
+    # in the model's own signs, which the user's has too
+    predictions = predict_campaign({**model, "sensors": ()}, campaign)
     trusted = [
         (run, {s.channel.column: np.asarray(y) for s, y in predictions.get(run.id, [])}) for run in campaign.runs
     ]

@@ -41,6 +41,7 @@ def bends(building: Building, p: Parameters) -> str:
         tail, name = "" if r == 1 else f"_{r}", f"bend {r}"
         body = building.spec.worldbody.add_body(name=name)
         _weigh(building, body, building.inertia)
+        body.gravcomp = 1.0  # the arm's weight is the joint's affair
         _spring(
             building.add_joint(body, name),
             building.inertia,

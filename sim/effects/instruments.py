@@ -220,8 +220,9 @@ def _bent(law: Law, run: Run, signal: Signal, values: Real, trace: Trace) -> Rea
     if k >= len(law["shapes"]):
         return values
     scale = (signal.channel.radius or 1.0) if signal.channel.quantity == "linear-acceleration" else 1.0
+    own = trace.signals["arm acceleration"] + trace.signals.get("base acceleration", 0.0)
     modes = (float(mode["shares"][k]) * trace.signals[f"{mode['joint']} acceleration"] for mode in law["modes"])
-    return np.asarray(float(law["shapes"][k]) * values + scale * sum(modes))
+    return np.asarray(values + scale * ((float(law["shapes"][k]) - 1.0) * own + sum(modes)))
 
 
 def _mount(values: Real, frequency: float, damping: float, timestep: float) -> Real:

@@ -122,6 +122,16 @@ def sweep_run(plant: Plant, amplitude: float, name: str, *, q0=-1.047, duration=
     return Run(id=name, experiment="torque-sweep", streams=streams, arm_angle=q0, **more)
 
 
+def edited_run(run: Run, change) -> Run:
+    """The run with every channel passed through ``change`` (None drops it)."""
+    streams = []
+    for stream in run.streams:
+        channels = tuple(c for c in (change(c) for c in stream.channels) if c is not None)
+        if channels:
+            streams.append(replace(stream, channels=channels))
+    return replace(run, streams=tuple(streams))
+
+
 NAMEPLATE = Nameplate(
     topology="two-inertia",
     motion="rotational",
@@ -197,6 +207,12 @@ def recorded_of(problem, share, pickup=0.0, seed=1, effects=()):
 def recorded():
     """The maker of recordings of which the base at its start is the truth."""
     return recorded_of
+
+
+@pytest.fixture(scope="session")
+def edited():
+    """The editor of a run's channels."""
+    return edited_run
 
 
 @pytest.fixture

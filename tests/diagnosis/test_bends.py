@@ -10,15 +10,15 @@ from scipy.integrate import solve_ivp
 
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import BENDS, ActiveEffect
+from jointscope.diagnosis.errors import channel_errors
 from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.model_file import model_json, read_model_json
-from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.predict_file import predict_campaign
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.rounds import residuals_of
 from jointscope.diagnosis.split import split_runs
 from jointscope.diagnosis.superposition import modal_acceleration
-from jointscope.recordings.campaign import Campaign
 
 MODES = ((83.0, 0.01), (140.0, 0.006), (210.0, 0.008))  # Hz, damping ratio
 SHARES = ((0.5, -0.7), (-0.4, 0.3), (0.3, 0.6))  # of each mode at two places
@@ -26,10 +26,9 @@ OWN = 0.6  # of the joint's mode at the second place
 RADIUS, PEAKS = 0.95, (100.0, 180.0, 260.0, 300.0)
 
 
-def two_modes(*places):
-    """Frequency, damping and shares of two modes, then the second place's shape where there are two."""
-    rows = [number for (f, z), s in zip(MODES[:2], SHARES[:2], strict=True) for number in (f, z, *s[: places[0]])]
-    return (*rows, OWN) if places[0] == 2 else tuple(rows)
+def two_modes():
+    """Frequency, damping and shares of two modes at both places, then the second place's shape."""
+    return (*(number for (f, z), s in zip(MODES[:2], SHARES[:2], strict=True) for number in (f, z, *s)), OWN)
 
 
 def law(modes, places):
@@ -42,8 +41,7 @@ def structure(builders):
     rng = np.random.default_rng(11)
     plant = builders.Plant(weight=1e-3)
     runs = []
-    for k, peak in enumerate(PEAKS):
-        run = builders.hammer_run(plant, peak, f"hit {k}", repeat_of="hit")
+    for run, peak in zip(hits_of(builders, plant), PEAKS, strict=True):
         stream = run.streams[0]
         t = stream.start + np.arange(stream.length) / stream.sampling_rate
         moved = [mode_of(t, peak, plant.J_L, *mode) for mode in MODES]
@@ -73,6 +71,10 @@ def mode_of(t, peak, inertia, frequency, damping):
         rates, (0.0, t[-1]), [0.0, 0.0], method="DOP853", rtol=1e-9, atol=1e-12, max_step=1e-3, t_eval=t
     ).y
     return force(t) - 2.0 * damping * w * x[1] - w * w * x[0]
+
+
+def hits_of(builders, plant):
+    return [builders.hammer_run(plant, peak, f"hit {k}", repeat_of="hit") for k, peak in enumerate(PEAKS)]
 
 
 def found_in(campaign):
@@ -122,28 +124,21 @@ def test_the_modes_of_a_structure_are_found_in_its_hits(structure):
 
 
 @pytest.mark.parametrize("torque", [0.0, 3.0], ids=["nothing", "dry friction"])
-def test_what_bends_a_peak_is_no_second_peak(builders, torque):
+def test_what_bends_a_peak_is_no_second_peak(builders, edited, torque):
     rng = np.random.default_rng(3)
     rubbing = builders.Plant(extra=lambda t, x: (0.0, -torque * math.tanh(x[3] / 1e-3)))
-    hits = []
-    for k, peak in enumerate(PEAKS):
-        run = builders.hammer_run(rubbing, peak, f"hit {k}", repeat_of="hit")
-        channels = tuple(
-            dataclasses.replace(
-                c, samples=c.samples + 0.01 * np.std(c.samples) * rng.standard_normal(c.samples.size)
-            )
-            if c.role == "output"
-            else c
-            for c in run.streams[0].channels
-        )
-        hits.append(dataclasses.replace(run, streams=(dataclasses.replace(run.streams[0], channels=channels),)))
-    found, _ = found_in(builders.campaign_of(hits))
+
+    def noisy(c):
+        noise = 0.01 * np.std(c.samples) * rng.standard_normal(c.samples.size)
+        return dataclasses.replace(c, samples=c.samples + noise) if c.role == "output" else c
+
+    found, _ = found_in(builders.campaign_of([edited(run, noisy) for run in hits_of(builders, rubbing)]))
     assert found == ()
 
 
 def test_the_file_brings_the_modes_back(structure):
     problem = prepare(structure)
-    effect = ActiveEffect(law(2, 2), two_modes(2))
+    effect = ActiveEffect(law(2, 2), two_modes())
     content = model_json(problem, problem.base.start, (effect,))
     _, theta, (again,) = read_model_json(content, problem)
     assert again.values == effect.values
@@ -152,19 +147,13 @@ def test_the_file_brings_the_modes_back(structure):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["as is", "inverted"])
-def test_a_prediction_comes_in_each_sensors_own_sign_and_zero(builders, plant, sign):
+def test_a_prediction_comes_in_each_sensors_own_sign_and_zero(builders, edited, plant, sign):
     """Of new recordings only the inputs are read: how a sensor counts is in the model's file."""
-    offset = 0.4
-    runs = [builders.hammer_run(plant, peak, f"hit {k}", repeat_of="hit") for k, peak in enumerate(PEAKS)]
 
-    def as_wired(run):
-        channels = tuple(
-            dataclasses.replace(c, samples=sign * c.samples + offset) if c.role == "output" else c
-            for c in run.streams[0].channels
-        )
-        return dataclasses.replace(run, streams=(dataclasses.replace(run.streams[0], channels=channels),))
+    def as_wired(c):
+        return dataclasses.replace(c, samples=sign * c.samples + 0.4) if c.role == "output" else c
 
-    campaign: Campaign = builders.campaign_of([as_wired(run) for run in runs])
+    campaign = builders.campaign_of([edited(run, as_wired) for run in hits_of(builders, plant)])
     problem = prepare(campaign)
     theta = problem.theta(stiffness=plant.K, damping=plant.c + plant.b_l, load_inertia=plant.J_L)
     made = predict_campaign(model_json(problem, theta, ()), campaign)
@@ -173,20 +162,13 @@ def test_a_prediction_comes_in_each_sensors_own_sign_and_zero(builders, plant, s
             np.testing.assert_allclose(y[:-50], signal.samples[:-50], atol=0.1 * np.std(signal.samples))
 
 
-def test_held_out_errors_know_an_inverted_sensor(builders, plant):
+def test_held_out_errors_know_an_inverted_sensor(builders, edited, plant):
     """The error of the base on the recordings that it was started from, one sensor reversed, is as small as ever."""
-    from jointscope.diagnosis.errors import channel_errors
-    from jointscope.diagnosis.predict import free_prediction
 
-    runs = [builders.hammer_run(plant, peak, f"hit {k}", repeat_of="hit") for k, peak in enumerate(PEAKS)]
-    flipped = []
-    for run in runs:
-        channels = tuple(
-            dataclasses.replace(c, samples=-c.samples) if c.role == "output" else c
-            for c in run.streams[0].channels
-        )
-        flipped.append(dataclasses.replace(run, streams=(dataclasses.replace(run.streams[0], channels=channels),)))
-    problem = prepare(builders.campaign_of(flipped))
+    def reversed_(c):
+        return dataclasses.replace(c, samples=-c.samples) if c.role == "output" else c
+
+    problem = prepare(builders.campaign_of([edited(run, reversed_) for run in hits_of(builders, plant)]))
     stage = refit_base(problem, predict_outputs, split_runs(problem).estimate, ThreadPoolExecutor(1))
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
     errors = channel_errors(problem, free_prediction, (0, 1), theta, (), stage.noise)

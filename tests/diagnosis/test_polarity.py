@@ -21,22 +21,18 @@ CARRIAGE = Nameplate(topology="single-dof", motion="translational", plane="horiz
 SPRUNG = dataclasses.replace(CARRIAGE, ground_spring=True)
 
 
-def turned(campaign, *locations):
-    """The campaign with the outputs at these places the other way up."""
+@pytest.fixture(scope="module")
+def turned(edited):
+    """The maker of campaigns with the outputs at some places the other way up."""
 
-    def channel(c):
-        return dataclasses.replace(c, samples=-c.samples) if c.role == "output" and c.location in locations else c
+    def other(campaign, *locations):
+        def channel(c):
+            wrong = c.role == "output" and c.location in locations
+            return dataclasses.replace(c, samples=-c.samples) if wrong else c
 
-    runs = tuple(
-        dataclasses.replace(
-            run,
-            streams=tuple(
-                dataclasses.replace(s, channels=tuple(channel(c) for c in s.channels)) for s in run.streams
-            ),
-        )
-        for run in campaign.runs
-    )
-    return dataclasses.replace(campaign, runs=runs)
+        return dataclasses.replace(campaign, runs=tuple(edited(run, channel) for run in campaign.runs))
+
+    return other
 
 
 def taken(builders, name, t, force, position, initial):
@@ -85,7 +81,7 @@ def pool():
         yield threads
 
 
-def test_a_carriage_seen_from_the_other_side_is_the_same_carriage(carriage, pool):
+def test_a_carriage_seen_from_the_other_side_is_the_same_carriage(carriage, turned, pool):
     """Its speed at the first sample is turned round too, so that it is foretold as well as before."""
     errors = []
     for campaign in (carriage, turned(carriage, "load")):
@@ -97,7 +93,7 @@ def test_a_carriage_seen_from_the_other_side_is_the_same_carriage(carriage, pool
     assert errors[1] == pytest.approx(errors[0], rel=1e-6)
 
 
-def test_an_arm_that_moves_against_its_motor_is_read_backwards(builders, plant):
+def test_an_arm_that_moves_against_its_motor_is_read_backwards(builders, plant, turned):
     def swept(name, amplitude):
         """The builders' sweep with the arm's own angle beside the motor's, slow enough that both go the same way."""
         run = builders.sweep_run(plant, amplitude, name)

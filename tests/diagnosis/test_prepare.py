@@ -37,16 +37,6 @@ def errors(problem, theta, effects=()):
     return found
 
 
-def edited(run: Run, change) -> Run:
-    """The run with every channel passed through ``change`` (None drops it)."""
-    streams = []
-    for stream in run.streams:
-        channels = tuple(c for c in (change(c) for c in stream.channels) if c is not None)
-        if channels:
-            streams.append(dataclasses.replace(stream, channels=channels))
-    return dataclasses.replace(run, streams=tuple(streams))
-
-
 def test_the_compiled_model_is_the_recorded_one(problem, truth):
     """At the true parameters hits, sweep and innovation agree with SciPy's integration to 2e-3 of the signal."""
     for key, error in errors(problem, truth).items():
@@ -69,7 +59,7 @@ def test_starts_survive_references_off_by_a_factor_of_three(bench, builders, pla
     assert start(problem, "stiffness") == pytest.approx(plant.K, rel=0.1)
 
 
-def test_names_and_order_do_not_matter(bench, problem):
+def test_names_and_order_do_not_matter(bench, problem, edited):
     def renamed(run, number):
         run = edited(run, lambda c: dataclasses.replace(c, column=f"x-{c.column[::-1]}"))
         streams = tuple(dataclasses.replace(s, file=f"{i}.dat") for i, s in enumerate(run.streams[::-1]))
@@ -86,7 +76,7 @@ def test_names_and_order_do_not_matter(bench, problem):
         np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-12)
 
 
-def test_an_inverted_channel_is_turned_round_and_reported(bench, problem):
+def test_an_inverted_channel_is_turned_round_and_reported(bench, problem, edited):
     def flip(channel):
         if channel.quantity == "linear-acceleration":
             return dataclasses.replace(channel, samples=-channel.samples)
@@ -127,7 +117,7 @@ def test_unknown_motor_inertia_is_a_parameter(bench, builders, plant):
     assert start(problem, "motor_inertia") == pytest.approx(plant.J_m * plant.n**2, rel=0.1)
 
 
-def test_an_uncalibrated_current_is_scaled_by_the_hammer(bench, builders, plant):
+def test_an_uncalibrated_current_is_scaled_by_the_hammer(bench, builders, plant, edited):
     """Torque in unknown units beside a calibrated hammer: the scale is a nuisance parameter and is found."""
 
     def current(channel):
@@ -142,7 +132,7 @@ def test_an_uncalibrated_current_is_scaled_by_the_hammer(bench, builders, plant)
     assert start(problem, "stiffness") == pytest.approx(plant.K, rel=0.05)
 
 
-def test_an_uncalibrated_rig_alone_is_identified_per_unit(builders, plant):
+def test_an_uncalibrated_rig_alone_is_identified_per_unit(builders, plant, edited):
     """Without any absolute torque the ratios K/J come out, in units of the input."""
 
     def unknown(channel):
@@ -213,7 +203,7 @@ def test_a_free_carriage_is_observed_and_its_friction_fits(builders):
     assert np.sqrt(np.mean((recorded - model) ** 2) / np.mean(recorded**2)) < 0.08
 
 
-def test_free_prediction_reads_inputs_only(bench, problem, truth):
+def test_free_prediction_reads_inputs_only(bench, problem, truth, edited):
     """Blanking every output column changes no prediction beyond the encoder's zero."""
     blank = tuple(
         edited(run, lambda c: c if c.role == "input" else dataclasses.replace(c, samples=None))
@@ -275,7 +265,7 @@ def test_a_decay_below_the_encoders_step_is_not_scored():
     assert resolved(decay, 1024.0).all()
 
 
-def test_refuses_what_it_cannot_use(bench, builders):
+def test_refuses_what_it_cannot_use(bench, builders, edited):
     with pytest.raises(RefusedError, match="topology"):
         prepare(dataclasses.replace(bench, rig=dataclasses.replace(builders.NAMEPLATE, topology="arm")))
     silent = tuple(edited(run, lambda c: c if c.role == "output" else None) for run in bench.runs)
@@ -332,7 +322,7 @@ def test_any_subset_of_channels_gives_a_start(problem, truth, plant, builders, k
     assert max(errors(other, truth).values()) < 0.01
 
 
-def test_a_log_is_no_noisier_than_its_device_is_elsewhere(bench, builders, plant):
+def test_a_log_is_no_noisier_than_its_device_is_elsewhere(bench, builders, plant, edited):
     """What a drive works into its torque at one experiment is torque: the sweep says what the log's noise is."""
     rng = np.random.default_rng(21)
 
@@ -357,7 +347,7 @@ def test_a_log_is_no_noisier_than_its_device_is_elsewhere(bench, builders, plant
     )
 
 
-def test_what_a_prediction_takes_for_noise_is_read_off_inputs_alone(bench, builders, plant):
+def test_what_a_prediction_takes_for_noise_is_read_off_inputs_alone(bench, builders, plant, edited):
     """A clean torque that is an output of another run says nothing of the log that is an input."""
     rng = np.random.default_rng(22)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from jointscope.models.effects import augment
 from jointscope.recordings.campaign import Campaign
@@ -19,6 +20,8 @@ from effect_rig import (  # type: ignore[import-not-found]
     ACC,
     ARM,
     BASE,
+    FLAT,
+    J_L,
     MOTOR,
     RATE,
     UPRIGHT,
@@ -166,3 +169,28 @@ def test_a_slow_logs_torque_is_restored_below_half_its_rate(form):
     inside = slice(500, -500)
     assert np.sqrt(np.mean((restored - truth)[inside] ** 2)) < 0.03
     assert np.sqrt(np.mean((logged - truth)[inside] ** 2)) > 0.15
+
+
+@pytest.mark.parametrize("rig", [FLAT, UPRIGHT], ids=["flat", "upright"])
+def test_further_modes_add_their_own_answers_to_the_hit_and_weigh_nothing(rig):
+    """Each is p'' + 2 zeta w p' + w^2 p = T/J_L from rest; the second accelerometer sees the joint's own by its shape."""
+    modes = ((90.0, 0.02, 0.5, -0.3), (140.0, 0.01, 0.2, 0.4))
+    parameters = {"shape_2": 0.8}
+    for r, mode in enumerate(modes):
+        tail = "" if r == 0 else f"_{r + 1}"
+        names = (f"frequency{tail}", f"damping{tail}", f"share{tail}_of_1", f"share{tail}_of_2")
+        parameters.update(zip(names, mode, strict=True))
+    run = hit(0.5)
+    bare = stepped(run, rig=rig, damping=200.0, gravity_moment=20.0)
+    bent = stepped(run, entry("link-flexibility", "load", "2-bends-2-places", **parameters), rig=rig, damping=200.0,
+                   gravity_moment=20.0)  # fmt: skip
+    force = run.select("force", role="input")[0].samples
+    t = np.arange(force.size) / RATE
+    own = bare["angular-acceleration", "arm"]
+    for place, (key, radius, shape) in enumerate(((("angular-acceleration", "arm"), 1.0, 1.0), (ACC, 0.5, 0.8))):
+        added = radius * (shape - 1.0) * own
+        for frequency, damping, *shares in modes:
+            w = 2.0 * math.pi * frequency
+            system = ([1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w * w])
+            added = added + radius * shares[place] * lsim(system, force / J_L, t)[1]
+        np.testing.assert_allclose((bent[key] - bare[key])[:-40], added[:-40], atol=0.02 * np.max(np.abs(added)))
