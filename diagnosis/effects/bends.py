@@ -5,7 +5,7 @@ J_L, and that sensor k reads by a share s_rk (the product of both shapes, so of 
 
     J_L (p_r'' + 2 zeta_r w_r p_r' + w_r^2 p_r) = T_ext,    sensor k: shape_k q'' + sum_r s_rk p_r''        shape_1 = 1
 
-That is the whole of a linear structure's response (modal superposition, e.g. Ewins, Modal Testing, eq. 2.50), without the
+That is the whole of a linear structure's response (modal superposition, e.g. Ewins, Modal Testing, chapter 2), without the
 one bend's coupling to a law of the transmission. Starts come from the recordings themselves (``diagnosis.modal``).
 
 Facts used as tests: the response is the sum of the modes' own; without shares and with equal shapes it is the base.
