@@ -51,6 +51,7 @@ class Chain:
 
     Attributes:
         delay: The devices that are not the DAQ stamp late by this [s].
+        encoder_delay: The arm's encoder is read late by this against the motor's, on one device [s].
         clock: Their clock runs fast by this [-] (1e-6 = 1 ppm).
         tilt: Accelerometer axis from tangential towards radial [rad].
         resonance: Mount resonance of the accelerometer [Hz], ``inf`` without.
@@ -70,6 +71,7 @@ class Chain:
     """
 
     delay: float = 0.0
+    encoder_delay: float = 0.0
     clock: float = 0.0
     tilt: float = 0.0
     resonance: float = math.inf

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.superposition import superposed
+from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -28,7 +29,7 @@ Vector = NDArray[np.float64]
 REACH = 20  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
 _TABLE = 512  # entries per sample of its table
 _KAISER = 10.0
-SMOOTH = ("angle", "position", "angular-velocity", "velocity", "wind-up")  # nothing in them reaches half the rate
+SMOOTH = ("angle", "position", "angular-velocity", "velocity", WIND_UP)  # nothing in them reaches half the rate
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
 
 
@@ -194,8 +195,10 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
     if output.late and (chain.delay != 0.0 or chain.clock != 0.0):
         times = times / (1.0 + chain.clock) - chain.delay
     if output.quantity in SMOOTH:
-        y = np.empty(times.size)
-        _between(x, run.grid_rate, run.t0, times, y)
+        y = _smooth(x, run, times - (chain.encoder_delay if _of_arm_encoder(output) else 0.0))
+        if output.quantity == WIND_UP and chain.encoder_delay != 0.0:
+            q = np.ascontiguousarray(states[:, kernel.X_Q])
+            y += _smooth(q, run, times) - _smooth(q, run, times - chain.encoder_delay)
     else:
         y = recorded(x, run.grid_rate, run.t0, times, output.rate)
     if math.isfinite(chain.saturation) and output.quantity in ACCELERATIONS:
@@ -206,6 +209,16 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
     return y
 
 
+def _of_arm_encoder(output: Output) -> bool:
+    return output.location != "motor" and output.quantity in SMOOTH and output.quantity != WIND_UP
+
+
+def _smooth(x: Vector, run: PreparedRun, times: Vector) -> Vector:
+    y = np.empty(times.size)
+    _between(x, run.grid_rate, run.t0, times, y)
+    return y
+
+
 def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Output) -> Vector:
     """The physical quantity at the sensor on the simulation grid, in the output's unit."""
     quantity, n = output.quantity, run.ratio
@@ -213,7 +226,7 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
     if quantity in ("angle", "position"):
         column = states[:, kernel.X_QS] if motor else states[:, kernel.X_Q]
         return np.asarray((column - column[0] + run.initial_angle) * (n if motor else 1.0))
-    if quantity == "wind-up":
+    if quantity == WIND_UP:
         return np.asarray(states[:, kernel.X_QS] - states[:, kernel.X_Q])
     if quantity in ("angular-velocity", "velocity"):
         return np.asarray(states[:, kernel.X_VS] * n if motor else states[:, kernel.X_V])

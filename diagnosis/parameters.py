@@ -123,8 +123,9 @@ def assumptions(rig: Nameplate, base: BaseSpec, runs: tuple[PreparedRun, ...]) -
         )
     absolute = any(run.load is not None and run.load.calibrated for run in runs)
     if base.free[BASE_INDEX["motor_inertia"]] and not absolute:
+        missing = "the reducer's part is not" if rig.motor_inertia is not None else "not"
         lines.append(
-            "motor inertia: not on the nameplate; without a hammer only its ratio to the arm's may be identifiable"
+            f"motor inertia: {missing} on the nameplate; without a hammer only its ratio to the arm's may be identifiable"
         )
     return tuple(lines)
 

@@ -53,6 +53,8 @@ def prepare_run(
     motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
     if motor is not None and motor_moves:
         motor = without_noise(motor, log_noise)
+    if load is not None and run.experiment != "hammer":
+        load = without_noise(load)
     if mode not in ("observer",):
         observed = None
     end = max((s.times[-1] for s in recorded), default=0.0)

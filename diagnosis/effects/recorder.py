@@ -1,9 +1,11 @@
 r"""The recording devices: one stamps late, one's clock runs fast, a slow log holds or averages the torque.
 
     what happened at t is stamped (t + delay)(1 + ppm 1e-6) by the device that is not the DAQ
+    where one device reads two encoders one after the other, q_s(t) - q(t - delay) is written for the wind-up
 
-Facts used as tests: a delay's phase is -w delay with gain 1; a drift of d ppm shifts the end of a run of length T by
-d T; averaging over 1/rate has the gain sinc(f/rate) and half that interval of delay, and is undone below rate/2.
+Facts used as tests: a delay's phase is -w delay with gain 1; at a speed v, an encoder read late adds v delay to the
+wind-up; a drift of d ppm shifts the end of a run of length T by d T; averaging over 1/rate has the gain sinc(f/rate) and
+half that interval of delay, and is undone below rate/2.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from jointscope.diagnosis.effects.spec import (
     needs_two_clocks,
     one_start,
 )
+from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -28,6 +31,17 @@ if TYPE_CHECKING:
 
 def _delay(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.chain.delay += values[0]
+
+
+def _encoder_delay(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.encoder_delay += values[0]
+
+
+def _needs_two_encoders(problem: Problem) -> str | None:
+    """One device read the angles on either side of the transmission."""
+    if any(output.quantity == WIND_UP for run in problem.runs for output in run.outputs):
+        return None
+    return "no device read the motor's angle and the arm's"
 
 
 def _drift(assembly: Assembly, values: Values, weight: float) -> None:
@@ -82,6 +96,21 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=lambda problem: (1e-4, 5e-4, 2e-3),
         starts=one_start,
         possible=needs_two_clocks,
+    ),
+    EffectSpec(
+        name="delay",
+        location="acquisition",
+        variant="encoder",
+        family="sensor-time",
+        exact=True,
+        parameters=(ParameterSpec("delay", "s", -0.05, 0.05, null=0.0),),
+        law="the arm's encoder read at t - delay when the motor's is at t",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=("clock-drift",),
+        apply=_encoder_delay,
+        scale=lambda problem: (1e-4, 5e-4, 2e-3),
+        starts=one_start,
+        possible=_needs_two_encoders,
     ),
     EffectSpec(
         name="clock-drift",

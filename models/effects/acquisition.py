@@ -9,8 +9,8 @@ from jointscope.models.effects.building import Building, Parameters
 
 
 def delay(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """One device's stamps are late."""
-    building.law("delay", delay=p["delay"])
+    """One device's stamps are late, or it reads the arm's encoder late."""
+    building.law("encoder-delay" if variant == "encoder" else "delay", delay=p["delay"])
     return ""
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,10 @@ Law = Mapping[str, Any]
 
 INSTRUMENTS = (  # in the order in which a signal passes them
     "link-sensor", "bend-sensors", "mount-sensor", "sensor-tilt", "accelerometer-gain", "sensor-resonance", "sensor-bandwidth",
-    "sensor-saturation", "delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
+    "sensor-saturation", "delay", "encoder-delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
 )  # fmt: skip
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
+_OF_ENCODERS = ("angle", "position", "angular-velocity", "velocity")
 _MOTOR_TORQUES = ("torque", "current", "phase-current", "voltage", "force")
 
 
@@ -50,8 +52,13 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
     daq = daq_of(run)
     vertical = rig["plane"] == "vertical" and rig["motion"] == "rotational"
 
+    arm_encoder = sum(float(law["delay"]) for law in laws if law["kind"] == "encoder-delay")
+
     def clock(signal: Signal) -> Clock:
-        return Clock() if signal.device == daq else late
+        device = Clock() if signal.device == daq else late
+        if signal.channel.location == "motor" or signal.channel.quantity not in _OF_ENCODERS:
+            return device
+        return replace(device, delay=device.delay + arm_encoder)
 
     def acted(signal: Signal, record: Record) -> Record:
         at_motor = signal.channel.location == "motor" and signal.channel.quantity in _MOTOR_TORQUES

@@ -19,6 +19,7 @@ from jointscope.diagnosis.base import refit_base, rewhiten
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.held_out_detail import held_out_detail
+from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.refit import least_squares
@@ -167,3 +168,30 @@ def test_a_slow_observer_weighs_creep_and_reversals_more():
         _, (slow, _) = fitted(slow_problem, law(slow_problem, "one-sided"), (15.0, -0.1))
     assert abs(fast - T_C) < abs(slow - T_C)
     assert math.isfinite(slow)
+
+
+def test_the_noise_of_the_forces_log_is_no_physics():
+    """An accelerometer finer than the force's log shows that log's noise in everything the force explains: nothing is missing."""
+    noise, rng, t = 0.15, np.random.default_rng(11), np.arange(6000) / RATE
+    w = 2.0 * math.pi * np.array([0.5, 1.3, 3.1])[:, None]
+    runs = []
+    for k in range(4):
+        size = (1.0 + 0.3 * k) * np.array([0.05, 0.02, 0.004])[:, None]
+        q, v, a = (
+            np.sum(x, axis=0)
+            for x in (size * np.sin(w * t), size * w * np.cos(w * t), -size * w**2 * np.sin(w * t))
+        )
+        samples = {
+            "f": M * a + B * v + noise * rng.standard_normal(t.size),
+            "x": q + 1e-6 * rng.standard_normal(t.size),
+            "a": a + 0.5 * noise / M * rng.standard_normal(t.size),
+        }
+        run = carriage(6.0)
+        force, position = run.streams[0].channels
+        accelerometer = replace(position, column="a", quantity="acceleration", unit="m/s^2")
+        channels = tuple(replace(c, samples=samples[c.column]) for c in (force, position, accelerometer))
+        runs.append(replace(run, id=f"take{k}", streams=(replace(run.streams[0], channels=channels),)))
+    problem = problem_of(*runs)
+    assert problem.runs[0].load.noise == pytest.approx(noise, rel=0.1)
+    with ThreadPoolExecutor(1) as pool:
+        assert diagnose(problem, predict_outputs, catalogue(problem), pool).decision.verdict == "none"

@@ -95,6 +95,7 @@ CATALOGUE = [
       "eccentricity": 0.5}, "modal_share", 0.0),
     ("external-vibration", "base", "torque", {"frequency": 25.0, "amplitude": 2.0}, "amplitude", 0.0),
     ("delay", "acquisition", "constant", {"delay": 1e-3}, "delay", 0.0),
+    ("delay", "acquisition", "encoder", {"delay": 1e-3}, "delay", 0.0),
     ("clock-drift", "acquisition", "constant", {"ppm": 60.0}, "ppm", 0.0),
     ("sensor-tilt", "acquisition", "radial", {"angle": 0.05}, "angle", 0.0),
     ("sensor-resonance", "acquisition", "mount", {"frequency": 300.0, "damping": 0.05}, "frequency", math.inf),

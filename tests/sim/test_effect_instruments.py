@@ -72,6 +72,16 @@ def test_a_late_devices_torque_acted_earlier_than_it_is_stamped():
     assert late[moved] == pytest.approx(base[moved], abs=1e-3 * np.ptp(base))  # torque and encoder share the clock
 
 
+def test_a_late_arm_encoder_leaves_the_motors_angle_and_the_accelerometer_alone():
+    run = pushed(tone(30.0)[1])
+    effect = entry("delay", "acquisition", "encoder", delay=3.0 / RATE)
+    base, late = stepped(run), stepped(run, effect)
+    for key in (MOTOR, ACC):
+        assert late[key] == pytest.approx(base[key], abs=1e-9 * np.ptp(base[key]))
+    angle = ("angle", "arm")
+    assert late[angle][3:] == pytest.approx(base[angle][:-3], abs=1e-4 * np.ptp(base[angle]))
+
+
 def test_a_fast_clocks_stamps_run_ahead_in_proportion():
     f = 30.0
     t, torque = tone(f, 2.0)
