@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
 from jointscope.diagnosis.whiten import departure_columns, is_hit, least_scatter, within_scatter
+from jointscope.recordings.drift import FOLLOWING
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
-
-FOLLOWING = ("angle", "position", "angular-velocity", "velocity")
 
 
 class Free(Protocol):

@@ -12,28 +12,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, welch
+from scipy.signal import butter, sosfilt
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ
+from jointscope.recordings.drift import lower_edge
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Output, PreparedRun
 
 Vector = NDArray[np.float64]
 
-ASKED = 0.01  # of the input's greatest spectral density
 CLEAR = 2.0  # times the observer's corner, above which an excitation's lower edge is clear of it
 LEFT = 0.1  # of what lies below
 BELOW = 0.7  # of the lower edge: corner of the cut
-
-
-def lower_edge(x: Vector, rate: float) -> float:
-    """Lowest frequency [Hz] at which ``x`` holds a hundredth of its greatest spectral density; 0 for a short record."""
-    if len(x) < 1024 or not np.any(x):
-        return 0.0
-    frequency, density = welch(x - np.mean(x), rate, nperseg=min(len(x), round(4.0 * rate)))
-    asked = frequency[density > ASKED * density.max()]
-    return float(asked[0]) if asked.size else 0.0
 
 
 @lru_cache(maxsize=512)

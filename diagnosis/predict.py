@@ -13,6 +13,7 @@ from jointscope.diagnosis.acquisition import driven_torque, load_input, shifted
 from jointscope.diagnosis.assembly import Assembly, assemble, initial_state, observer_corner
 from jointscope.diagnosis.channels import observe
 from jointscope.diagnosis.vibration import disturbance
+from jointscope.recordings.drift import FOLLOWING, drift_corner, drift_free
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -53,14 +54,22 @@ def free_prediction(
 ) -> tuple[Vector, ...]:
     """Every declared output from the inputs alone, each at its stream's rate, in recorded form.
 
-    A speed command closes the drive's loop, with a logged torque as the measured input above the loop's drift.
+    A speed command closes the drive's loop, with a logged torque as the measured input above the loop's drift. Angles
+    and speeds of a sweep that nothing holds come without what lies below the sweep (:mod:`jointscope.recordings.drift`).
 
     Returns:
         One array per ``run.declared``, in SI on the channel's own zero: angles start at the run's arm angle.
     """
     assembly = build(run, theta, effects, problem, free=True)
     states = integrate(assembly)
-    return tuple(observe(states, assembly, run, output) for output in run.declared)
+    predicted = tuple(observe(states, assembly, run, output) for output in run.declared)
+    corner = drift_corner(run.run, problem.rig)
+    if corner is None:
+        return predicted
+    return tuple(
+        drift_free(y, corner, output.rate) if output.quantity in FOLLOWING else y
+        for y, output in zip(predicted, run.declared, strict=True)
+    )
 
 
 def build(

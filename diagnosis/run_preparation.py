@@ -40,7 +40,7 @@ def prepare_run(
     recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.quantity != "frf"]
     load, motor, command = load_torque(run), motor_torque(run, rig), speed_command(run, rig)
     daq = _daq(run)
-    held = run.brake or run.hold.get("", "drive") in ("brake", "brake-with-play", "locked")
+    held = run.motor_held
     two = rig.topology == "two-inertia"
     spring = two or (rig.ground_spring if rig.ground_spring is not None else held)
     prescribed = _prescribed(recorded)

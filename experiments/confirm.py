@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,8 @@ from jointscope.errors import InputError, RefusedError
 from jointscope.experiments.own_model.scoring import first_angle
 from jointscope.models.effects import AUGMENTED, BASE, DESCRIPTION, read_description
 from jointscope.progress import track
-from jointscope.recordings.campaign import Campaign, Run, Signal
+from jointscope.recordings.campaign import Campaign, Channel, Run, Signal
+from jointscope.recordings.drift import FOLLOWING, drift_corner, drift_free
 from jointscope.recordings.reader import read_campaign
 from jointscope.recordings.zeroed import zeroed
 from jointscope.sim.effects import loop_of, physics_of
@@ -198,11 +199,25 @@ def _checks(
         for run in track(runs, "stepping held-out runs in MuJoCo", len(runs))
     ]
     signs = _polarity(runs, [base for base, _ in replayed])
-    for run, (base, augmented) in zip(runs, replayed, strict=True):
+    for run, models in zip(runs, replayed, strict=True):
+        corner = drift_corner(run, recordings.rig)
+        base, augmented = models if corner is None else (_drift_free(model, corner) for model in models)
         for recorded, b, a in zip(_outputs(run), _outputs(base), _outputs(augmented), strict=True):
             if recorded.channel.samples is None:
                 continue
             yield _check(run, recorded, b, a, signs[_instrument(recorded)])
+
+
+def _drift_free(run: Run, corner: float) -> Run:
+    """The run's predictions as :mod:`jointscope.recordings.drift` says that they can be compared."""
+
+    def cut(channel: Channel, rate: float) -> Channel:
+        if channel.role != "output" or channel.quantity not in FOLLOWING or channel.samples is None:
+            return channel
+        return replace(channel, samples=drift_free(np.real(channel.samples), corner, rate))
+
+    streams = (replace(s, channels=tuple(cut(c, s.sampling_rate) for c in s.channels)) for s in run.streams)
+    return replace(run, streams=tuple(streams))
 
 
 def _outputs(run: Run) -> list[Signal]:

@@ -151,7 +151,7 @@ def plant_of(model: BaseModel, run: Run) -> Plant:
 
 def _motor_side(model: BaseModel, run: Run, at_motor: bool) -> MotorSide:
     rig = model.rig
-    held = run.brake or run.hold.get("") in ("brake", "brake-with-play", "locked")
+    held = run.motor_held
     if rig.topology == "single-dof":
         spring = rig.ground_spring if rig.ground_spring is not None else held
         return "held" if spring else "rigid"

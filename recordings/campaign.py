@@ -155,6 +155,11 @@ class Run:
     hold: dict[str, Hold] = field(default_factory=dict)  # per joint; a single-joint rig's own hold is under ""
 
     @property
+    def motor_held(self) -> bool:
+        """Whether a brake or a lock holds the shaft of a single joint's motor."""
+        return self.brake or self.hold.get("", "drive") in ("brake", "brake-with-play", "locked")
+
+    @property
     def signals(self) -> tuple[Signal, ...]:
         """Every channel with its stream, in file order."""
         return tuple(

@@ -41,7 +41,6 @@ __all__ = ["LoggedLoop", "base_run", "logged_torque", "replay", "replay_run"]
 
 _ABSOLUTE = ("arm", "arm in space", "end-stop")  # tendons whose length is the load's own coordinate
 MOTOR_ON_LOAD = "motor on load"  # actuator of a single inertia whose motor is rigid with it
-_HELD = ("brake", "brake-with-play", "locked")
 
 
 def base_run(run: Run) -> Physics:
@@ -182,10 +181,9 @@ def _replay_prescribed(
 
 def motor_held(campaign: Campaign, run: Run, *, driven: bool) -> bool:
     """Whether the motor stands still: a brake, or a drive of which nothing was recorded."""
-    hold = run.hold.get("", "drive")
-    if run.brake or hold in _HELD:
+    if run.motor_held:
         return True
-    if driven or hold == "free" or campaign.rig.topology != "two-inertia":
+    if driven or run.hold.get("", "drive") == "free" or campaign.rig.topology != "two-inertia":
         return False
     moved = any(
         s.channel.quantity in ("angle", "angular-velocity") and s.channel.location in ("motor", "arm")

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from jointscope.diagnosis.excitation import asked_only, below_excitation, lower_edge
+from jointscope.diagnosis.excitation import asked_only, below_excitation
+from jointscope.recordings.drift import lower_edge
 
 RATE = 1000.0
 T = np.arange(20_000) / RATE
