@@ -146,6 +146,13 @@ def _losses(arena: Arena) -> dict[tuple[str, ...], float]:
     return {h.names: h.loss for h in alike}
 
 
+def _worth_more(arena: Arena, size: int) -> bool:
+    """Whether a set of ``size`` leads, and is worth more than every part of it: a stand-in for two is not looked into."""
+    best = arena.hypotheses[0]
+    parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
+    return len(best.names) >= size and all(promising(arena, best, part) for part in parts)
+
+
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
     """Each member of the leading pair may have stood in for its look-alike, and that may let the other one be told."""
     for _ in range(SWAPS):
@@ -216,14 +223,12 @@ def explore(
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
+        if size > effort.size or not _worth_more(arena, size - 1):
+            break
         if size == 3:
             arena = _swapped(arena, candidates, effort)
-        best = arena.hypotheses[0]
-        parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
-        if len(best.names) < size - 1 or size > effort.size:
-            break
-        if not all(promising(arena, best, part) for part in parts):
-            break
+            if not _worth_more(arena, size - 1):
+                break
         report(f"fitting sets of {size}")
-        pairs = extend(arena.objective, best, screening, effort)
+        pairs = extend(arena.objective, arena.hypotheses[0], screening, effort)
     return screening, _with_strangers(arena, outside, effort)

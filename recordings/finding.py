@@ -48,6 +48,7 @@ NAMES: Final = {
     "time-jitter": "time stamps are off a uniform grid",
     "mains-hum": "a steady line at the mains frequency",
     "quantisation": "the signal spans few steps of its resolution",
+    "lagging-speed": "a speed lags the rate of the angle beside it",
     "unsettled-iepe": "an ac-coupled sensor was still settling when the recording began",
     "gravity-mismatch": "what a static sensor or the holding torque reads isn't what gravity makes of arm_angle",
 }

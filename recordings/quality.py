@@ -13,6 +13,7 @@ from jointscope.recordings.quality_hammer import hammer_findings
 from jointscope.recordings.quality_levels import level_findings
 from jointscope.recordings.quality_rest import rest_findings
 from jointscope.recordings.quality_samples import sample_findings
+from jointscope.recordings.quality_speeds import speed_findings
 from jointscope.recordings.quality_units import arm_angle_findings, label_findings
 
 __all__ = ["NAMES", "Finding", "recorded_findings"]
@@ -25,6 +26,7 @@ def recorded_findings(campaign: Campaign) -> list[Finding]:
 
 def _of_run(run: Run, campaign: Campaign) -> Iterator[Finding]:
     yield from arm_angle_findings(run)
+    yield from speed_findings(run)
     for signal in run.signals:
         if signal.channel.samples is None or signal.channel.quantity == "frf":
             continue

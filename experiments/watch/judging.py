@@ -36,6 +36,7 @@ ADVICE: Final[dict[str, tuple[Verdict, str]]] = {
     "inverted-polarity": ("mend", "turn the sensor round, or paste the line"),
     "suspicious-unit": ("mend", "correct the unit in campaign.toml"),
     "gravity-mismatch": ("mend", "check arm_angle, the sensor's mounting, coupling and gain"),
+    "lagging-speed": ("mend", "take the drive's speed filter out, or log the angle and leave the speed out"),
     "clock-skew": ("mend", "start the devices by one trigger, or say start = 'unknown'"),
     "held-samples": ("mend", "log at the true rate, or declare it"),
     "quantisation": ("mend", "narrow that channel's range"),
