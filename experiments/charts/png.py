@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from jointscope.experiments import plot_style
 from jointscope.experiments.charts.chart import Chart, Panel, Series, domain
 from jointscope.experiments.charts.looks import LOOKS
 from jointscope.experiments.charts.svg import MOST_POINTS, thinned
 
+Corner = Literal["upper right", "upper left", "lower right", "lower left"]
+
 _INCH = 100.0  # px
+_LEGEND = (0.3, 0.3)  # of the axes' width and height, that a legend may take
 
 
 def write_png(chart: Chart, path: Path) -> Path:
@@ -51,7 +56,27 @@ def _draw(ax: Axes, panel: Panel) -> None:
     ax.set_ylim(*(10.0 ** np.array(y) if panel.y_log else y))
     ax.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
     if 1 < len(panel.series) <= 8 or panel.spans:
-        ax.legend(fontsize=7, loc="upper right")  # "best" weighs every point
+        ax.legend(fontsize=7, loc=emptiest_corner(ax, panel))  # "best" weighs every point against every place
+
+
+def emptiest_corner(ax: Axes, panel: Panel) -> Corner:
+    """Where a legend covers the fewest points, the upper right where that is one of them."""
+    points = np.concatenate([np.stack([s.x, s.y], axis=1) for s in panel.series] or [np.empty((0, 2))])
+    known = np.all(np.isfinite(points), axis=1)
+    if panel.x_log:
+        known &= points[:, 0] > 0.0
+    if panel.y_log:
+        known &= points[:, 1] > 0.0
+    x, y = ax.transAxes.inverted().transform(ax.transData.transform(points[known])).T
+    right, left = x > 1.0 - _LEGEND[0], x < _LEGEND[0]
+    upper, lower = y > 1.0 - _LEGEND[1], y < _LEGEND[1]
+    corners: dict[Corner, NDArray[np.bool_]] = {
+        "upper right": upper & right,
+        "upper left": upper & left,
+        "lower right": lower & right,
+        "lower left": lower & left,
+    }
+    return min(corners, key=lambda corner: np.count_nonzero(corners[corner]))
 
 
 def _series(ax: Axes, s: Series) -> None:

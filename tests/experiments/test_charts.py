@@ -126,3 +126,16 @@ def test_ticks_of_a_logarithmic_axis_say_their_value(low, high):
 
 def test_labels_are_short():
     assert [label(v, 1.0) for v in (0.0, 0.5, -2.0, 1e6, 2.5e-7)] == ["0", "0.5", "-2", "1e6", "2.5e-7"]
+
+
+def test_the_legend_of_a_png_goes_where_no_points_are():
+    from matplotlib.figure import Figure
+
+    from jointscope.experiments.charts.png import emptiest_corner
+
+    x = np.linspace(0.0, 1.0, 50)
+    for y, corner in ((x, "upper left"), (1.0 - x, "upper right"), (np.where(x > 0.2, 1.0, x), "lower right")):
+        drawn = panel(Series(name="a", x=x, y=y, look="base", mark="o"))
+        ax = Figure().subplots()
+        ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+        assert emptiest_corner(ax, drawn) == corner
