@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.superposition import superposed
 from jointscope.diagnosis.wind_up import WIND_UP
+from jointscope.recordings.drift import FOLLOWING
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -29,7 +30,7 @@ Vector = NDArray[np.float64]
 REACH = 20  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
 _TABLE = 512  # entries per sample of its table
 _KAISER = 10.0
-SMOOTH = ("angle", "position", "angular-velocity", "velocity", WIND_UP)  # nothing in them reaches half the rate
+SMOOTH = (*FOLLOWING, WIND_UP)  # nothing in them reaches half the rate
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
 
 
@@ -210,7 +211,7 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
 
 
 def _of_arm_encoder(output: Output) -> bool:
-    return output.location != "motor" and output.quantity in SMOOTH and output.quantity != WIND_UP
+    return output.location != "motor" and output.quantity in FOLLOWING
 
 
 def _smooth(x: Vector, run: PreparedRun, times: Vector) -> Vector:

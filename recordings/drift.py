@@ -23,7 +23,7 @@ FOLLOWING: tuple[Quantity, ...] = (
     "position",
     "angular-velocity",
     "velocity",
-)  # what goes where the body goes
+)  # what encoders give: where the body goes
 _DRIVES = ("torque", "current", "voltage", "force")
 
 

@@ -18,6 +18,7 @@ from scipy.signal import lfilter
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Run, Signal
+from jointscope.recordings.drift import FOLLOWING
 from jointscope.sim.effects.torque_log import relogged
 from jointscope.sim.measurement import Clock
 from jointscope.sim.physics import Acquisition, Record
@@ -31,7 +32,6 @@ INSTRUMENTS = (  # in the order in which a signal passes them
     "sensor-saturation", "delay", "encoder-delay", "clock-drift", "force-gain", "torque-log", "drive-lag",
 )  # fmt: skip
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
-_OF_ENCODERS = ("angle", "position", "angular-velocity", "velocity")
 _MOTOR_TORQUES = ("torque", "current", "phase-current", "voltage", "force")
 
 
@@ -49,14 +49,13 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         delay=sum(float(law["delay"]) for law in laws if law["kind"] == "delay"),
         ppm=sum(float(law["ppm"]) for law in laws if law["kind"] == "clock-drift"),
     )
+    arm_encoder = sum(float(law["delay"]) for law in laws if law["kind"] == "encoder-delay")
     daq = daq_of(run)
     vertical = rig["plane"] == "vertical" and rig["motion"] == "rotational"
 
-    arm_encoder = sum(float(law["delay"]) for law in laws if law["kind"] == "encoder-delay")
-
     def clock(signal: Signal) -> Clock:
         device = Clock() if signal.device == daq else late
-        if signal.channel.location == "motor" or signal.channel.quantity not in _OF_ENCODERS:
+        if signal.channel.location == "motor" or signal.channel.quantity not in FOLLOWING:
             return device
         return replace(device, delay=device.delay + arm_encoder)
 
