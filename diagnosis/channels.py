@@ -136,10 +136,10 @@ def recorded(x: Vector, grid_rate: float, t0: float, times: Vector, rate: float)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _high_passed(x: Vector, b: float, a: float) -> Vector:
-    """y_k = b (x_k - x_{k-1}) + a y_{k-1} from rest at the first sample."""
+def _high_passed(x: Vector, b: float, a: float, before: float) -> Vector:
+    """y_k = b (x_k - x_{k-1}) + a y_{k-1}, settled at ``before``."""
     out = np.empty(x.shape[0])
-    y, before = 0.0, x[0]
+    y = 0.0
     for k in range(x.shape[0]):
         y = b * (x[k] - before) + a * y
         before = x[k]
@@ -147,10 +147,11 @@ def _high_passed(x: Vector, b: float, a: float) -> Vector:
     return out
 
 
-def high_pass(x: Vector, corner: float, rate: float) -> Vector:
-    """First-order high-pass at ``corner`` [Hz], settled at the first sample; same shape."""
+def high_pass(x: Vector, corner: float, rate: float, settled: float | None = None) -> Vector:
+    """First-order high-pass at ``corner`` [Hz], settled at ``settled`` or at the first sample; same shape."""
     k = math.tan(math.pi * corner / rate)
-    return np.asarray(_high_passed(np.ascontiguousarray(x), 1.0 / (1.0 + k), (1.0 - k) / (1.0 + k)))
+    before = float(x[0]) if settled is None else settled
+    return np.asarray(_high_passed(np.ascontiguousarray(x), 1.0 / (1.0 + k), (1.0 - k) / (1.0 + k), before))
 
 
 def mount_resonance(x: Vector, frequency: float, damping: float, rate: float) -> Vector:
@@ -189,7 +190,7 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
         if math.isfinite(chain.bandwidth):
             x = low_pass(x, chain.bandwidth, run.grid_rate)
         if output.low_cutoff is not None:
-            x = high_pass(x, output.low_cutoff, run.grid_rate)
+            x = high_pass(x, output.low_cutoff, run.grid_rate, _at_rest(states, assembly, run, output))
     if output.high_pass is not None:
         x = high_pass(x, output.high_pass, run.grid_rate)
     times = output.times
@@ -208,6 +209,16 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
         else:
             y = np.clip(y, -chain.saturation, chain.saturation)
     return y
+
+
+def _at_rest(states: Vector, assembly: Assembly, run: PreparedRun, output: Output) -> float | None:
+    """What an accelerometer reads before a run that begins at rest, whatever noise its input's first sample holds."""
+    if run.run.initial != "rest":
+        return None
+    if output.quantity != "linear-acceleration" or output.location == "motor":
+        return 0.0
+    still = _specific_force(states[:1], np.zeros(1), assembly, output)
+    return assembly.chain.accelerometer_gain * float(still[0])
 
 
 def _of_arm_encoder(output: Output) -> bool:

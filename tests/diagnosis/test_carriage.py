@@ -195,3 +195,28 @@ def test_the_noise_of_the_forces_log_is_no_physics():
     assert problem.runs[0].load.noise == pytest.approx(noise, rel=0.1)
     with ThreadPoolExecutor(1) as pool:
         assert diagnose(problem, predict_outputs, catalogue(problem), pool).decision.verdict == "none"
+
+
+def test_a_settled_sensor_does_not_remember_the_noise_of_the_forces_first_sample():
+    """An ac-coupled sensor has settled at rest: had it settled at the first sample, its error would take seconds to go."""
+    t = np.arange(3000) / RATE
+    push = np.where(t > 0.5, 20.0 * np.sin(2.0 * math.pi * 3.0 * (t - 0.5)), 0.0)
+    predicted = []
+    for first in (0.0, 5.0):
+        force, position = carriage(3.0).streams[0].channels
+        channels = (
+            replace(force, samples=push + first * (t == 0.0)),
+            replace(position, samples=np.zeros(t.size)),
+            replace(
+                position, column="a", quantity="acceleration", unit="m/s^2", coupling="ac", low_cutoff=0.2,
+                samples=push / M,
+            ),
+        )  # fmt: skip
+        stream = replace(carriage(3.0).streams[0], channels=channels, length=t.size)
+        run = replace(carriage(3.0), streams=(stream,), initial="rest")
+        problem = problem_of(run)
+        prepared = problem.runs[0]
+        which = next(i for i, o in enumerate(prepared.outputs) if o.quantity == "acceleration")
+        predicted.append(predict_outputs(prepared, problem.theta(load_inertia=M), (), problem)[which])
+    quiet, spiked = predicted
+    assert spiked[100:] == pytest.approx(quiet[100:], abs=0.02 * 5.0 / M)
