@@ -21,6 +21,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from jointscope.diagnosis.noise import ANGULAR, Key, NoiseModel, block_key, dynamic_level, fast_part, quantum
 from jointscope.diagnosis.whiten import is_hit, run_whitener, without_scatter
+from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Output, PreparedRun
@@ -35,7 +36,6 @@ LAGS = 400  # over which the noise's own memory is counted
 EXCESS = 0.01  # of the signal's rms: unexplained residual that is worth explaining
 SURE = 5.0  # standard errors by which common energy must stand out
 COARSE = 0.25  # of a residual's energy that is the quantiser's, above which nothing can be told from it
-DRIVE = ("torque", "current", "voltage", "force")  # what a drive answers is its own law's affair, not the joint's
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,8 @@ def adequacy(
     table: dict[Key, list[tuple[PreparedRun, _Take]]] = {}
     for run, old, new in zip(runs, before, after, strict=True):
         for output, a, b in zip(run.outputs, old, new, strict=True):
-            if dynamic_level(output) > 0.0 and output.quantity not in DRIVE:
+            # what a drive answers is its own law's affair, not the joint's
+            if dynamic_level(output) > 0.0 and output.quantity not in FORCES:
                 table.setdefault(block_key(run, output), []).append((run, _take(run, output, a, b)))
     blocks = []
     for key, rows in table.items():

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.superposition import superposed
 from jointscope.diagnosis.wind_up import WIND_UP
+from jointscope.recordings.campaign import FORCES
 from jointscope.recordings.drift import FOLLOWING
 
 if TYPE_CHECKING:
@@ -242,7 +243,7 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
         return np.asarray(states[:, kernel.X_QS] - states[:, kernel.X_Q])
     if quantity in ("angular-velocity", "velocity"):
         return np.asarray(states[:, kernel.X_VS] * n if motor else states[:, kernel.X_V])
-    if quantity in ("torque", "current", "voltage", "force") and run.mode != "prescribed-load":
+    if quantity in FORCES and run.mode != "prescribed-load":
         column = states[:, kernel.X_TEXT if run.mode == "prescribed-motor" else kernel.X_TAU]
         return np.asarray(column / assembly.drive_factor)
     if quantity == "force":

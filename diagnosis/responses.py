@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
+from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
@@ -68,7 +69,7 @@ def responses(runs: tuple[PreparedRun, ...], *, exact: bool = False) -> tuple[Re
             continue
         half = run.t0 + np.arange(drive.size) / (2.0 * run.grid_rate)
         for output in run.outputs:
-            if output.quantity in ("torque", "current", "voltage", "force") or output.direction == "radial":
+            if output.quantity in FORCES or output.direction == "radial":
                 continue
             y = output.data / _to_joint(run, output)
             pools.setdefault(channel_key(run, output), []).append(

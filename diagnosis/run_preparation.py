@@ -16,7 +16,7 @@ from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
-from jointscope.recordings.campaign import Channel, Nameplate, Run, Signal
+from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Signal
 
 Vector = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def prepare_run(
     daq = _daq(run)
     held = run.motor_held
     two = rig.topology == "two-inertia"
-    spring = two or (rig.ground_spring if rig.ground_spring is not None else held)
+    spring = two or rig.grounded(held=held)
     prescribed = _prescribed(recorded)
     observed = None if prescribed is not None else _observed(recorded, rig, run)
     if two and observed is None and prescribed is None and motor is not None and command is not None:
@@ -239,7 +239,7 @@ def _outputs(
     outputs = []
     for signal in recorded:
         channel = signal.channel
-        force = channel.quantity in ("torque", "current", "voltage", "force")
+        force = channel.quantity in FORCES
         if force:
             loop = mode == "closed-loop" and channel.location == "motor"
             inverse = mode.startswith("prescribed") and channel.role == "output"
@@ -253,27 +253,13 @@ def _outputs(
             continue
         if mode == "torque-driven" and channel.direction == "radial":
             continue  # weight's share in it follows the drift that nothing observes
-        if channel.quantity in SPEED_OF and _same_sensor(signal, recorded):
-            continue
+        if run.angle_beside(signal) is not None:
+            continue  # one sensor is not scored twice
         output = _output(signal, rig, run, mode, daq, observed, run.arm_angle)
         if output.observed or quantum(output) < COARSE * dynamic_level(output):
             thin = thinned(output, hits=run.experiment == "hammer")
             outputs.append(where_resolved(output, thin) if mode == "braked" else thin)
     return tuple(outputs)
-
-
-SPEED_OF = {"angular-velocity": "angle", "velocity": "position"}
-
-
-def _same_sensor(speed: Signal, recorded: list[Signal]) -> bool:
-    """Whether a device that gives a speed also gives the angle it is derived from: one sensor is not scored twice."""
-    return any(
-        other.channel.quantity == SPEED_OF[speed.channel.quantity]
-        and other.channel.location == speed.channel.location
-        and other.channel.role == "output"
-        and other.device == speed.device
-        for other in recorded
-    )
 
 
 def _output(

@@ -153,8 +153,7 @@ def _motor_side(model: BaseModel, run: Run, at_motor: bool) -> MotorSide:
     rig = model.rig
     held = run.motor_held
     if rig.topology == "single-dof":
-        spring = rig.ground_spring if rig.ground_spring is not None else held
-        return "held" if spring else "rigid"
+        return "held" if rig.grounded(held=held) else "rigid"
     if held:
         return "held"
     if at_motor:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ Quantity = Literal[
 Location = Literal["arm", "motor", "load", "base", "neighbour"]
 Role = Literal["input", "output"]
 Hold = Literal["brake", "brake-with-play", "drive", "locked", "free"]
+
+FORCES: Final = ("torque", "current", "voltage", "force")  # what drives a rig, in any unit
+ANGLE_OF: Final[dict[str, Quantity]] = {"angular-velocity": "angle", "velocity": "position"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +52,10 @@ class Nameplate:
     stiffness_reference: float | None = None
     inertia_reference: float | None = None
     damping_reference: float | None = None
+
+    def grounded(self, *, held: bool) -> bool:
+        """Whether a spring ties a single inertia to the ground; where the rig doesn't say, if its motor is ``held``."""
+        return held if self.ground_spring is None else self.ground_spring
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,6 +192,12 @@ class Run:
             and (role is None or signal.channel.role == role)
             and (not recorded or signal.channel.samples is not None)
         )
+
+    def angle_beside(self, speed: Signal) -> Signal | None:
+        """The output angle that the device of ``speed`` recorded at its place: the sensor that the speed comes from."""
+        quantity, place = ANGLE_OF.get(speed.channel.quantity), speed.channel.location
+        beside = self.select(quantity, location=place, role="output") if quantity else ()
+        return next((angle for angle in beside if angle.device == speed.device), None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,19 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt, welch
 
-from jointscope.recordings.campaign import Nameplate, Quantity, Run
+from jointscope.recordings.campaign import FORCES, Nameplate, Quantity, Run
 
 Vector = NDArray[np.float64]
 
 ASKED = 0.01  # of the input's greatest spectral density
-BELOW = 0.45  # of the band's lower edge: corner of the cut, which takes 2 % of the edge itself
-FOLLOWING: tuple[Quantity, ...] = (
-    "angle",
-    "position",
-    "angular-velocity",
-    "velocity",
-)  # what encoders give: where the body goes
-_DRIVES = ("torque", "current", "voltage", "force")
+BELOW = 0.45  # of the band's lower edge: corner of the cut, which takes 1 % of the edge itself
+# what encoders give: where the body goes
+FOLLOWING: tuple[Quantity, ...] = ("angle", "position", "angular-velocity", "velocity")
 
 
 def lower_edge(x: Vector, rate: float) -> float:
@@ -38,17 +33,19 @@ def lower_edge(x: Vector, rate: float) -> float:
 
 def drift_corner(run: Run, rig: Nameplate) -> float | None:
     """Corner [Hz] below which this run's angles and speeds can't be foretold; ``None`` where nothing drifts."""
-    spring = run.motor_held if rig.ground_spring is None else rig.ground_spring
-    tied = run.motor_held if rig.topology == "two-inertia" else spring
+    tied = run.motor_held if rig.topology == "two-inertia" else rig.grounded(held=run.motor_held)
     if run.experiment != "torque-sweep" or tied or run.select("speed-command"):
         return None
-    drives = [s for s in run.select(role="input") if s.channel.quantity in _DRIVES]
+    drives = [s for s in run.select(role="input") if s.channel.quantity in FORCES]
     edge = min((lower_edge(s.samples, s.sampling_rate) for s in drives), default=0.0)
     return BELOW * edge if edge > 0.0 else None
 
 
 def drift_free(x: Vector, corner: float, rate: float) -> Vector:
-    """``x`` with what lies below ``corner`` [Hz] taken off at zero phase, its first value kept; same shape."""
+    """``x`` with what lies below ``corner`` [Hz] taken off at zero phase, its first value kept; same shape.
+
+    The first value stands for the posture, as it is of a run that begins at rest.
+    """
     sections = butter(3, min(corner, 0.4 * rate), "highpass", fs=rate, output="sos")
     if x.size <= 3 * (2 * len(sections) + 1) or not np.all(np.isfinite(x)):
         return x

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 
-from jointscope.recordings.campaign import Run, Signal
+from jointscope.recordings.campaign import Run
 from jointscope.recordings.finding import Finding
 
 Vector = NDArray[np.float64]
@@ -28,7 +28,6 @@ Vector = NDArray[np.float64]
 EXPLAINED = 0.3  # of what the speed's integral leaves of the angle, that may be left with the lag
 LEAST = 0.2  # of a sample, below which a lag is nobody's
 CLEARLY = 0.5  # of the one that the other kind of lag leaves
-_ANGLE_OF = {"angular-velocity": "angle", "velocity": "position"}
 
 
 @dataclass(frozen=True)
@@ -46,9 +45,8 @@ class Lag:
 
 def speed_findings(run: Run) -> Iterator[Finding]:
     """``lagging-speed`` for every speed whose angle the same device recorded at the same place."""
-    for speed in run.select():
-        quantity = _ANGLE_OF.get(speed.channel.quantity)
-        angle = next((s for s in run.select() if s.channel.quantity == quantity and _together(s, speed)), None)
+    for speed in run.select(role="output"):
+        angle = run.angle_beside(speed)
         lag = None if angle is None else lag_of(angle.samples, speed.samples, speed.sampling_rate)
         if angle is None or lag is None:
             continue
@@ -56,10 +54,6 @@ def speed_findings(run: Run) -> Iterator[Finding]:
         why = {"low-pass": f": {filtered}", "delay": "", "either": f", or by {filtered}"}[lag.kind]
         detail = f"lags the rate of {angle.channel.column} by {1e3 * lag.seconds:.3g} ms{why}"
         yield Finding("lagging-speed", run.id, speed.channel.column, detail)
-
-
-def _together(angle: Signal, speed: Signal) -> bool:
-    return angle.device == speed.device and angle.channel.location == speed.channel.location
 
 
 def lag_of(angle: Vector, speed: Vector, rate: float) -> Lag | None:

@@ -70,7 +70,7 @@ def own_run(
     rest = own_rest(system, joint.sign, run.arm_angle)
     held = motor_held(campaign, run, driven=torque is not None)
     single = campaign.rig.topology == "single-dof"
-    grounded = campaign.rig.ground_spring if campaign.rig.ground_spring is not None else held
+    grounded = campaign.rig.grounded(held=held)
     origin = min((stream.start for stream in run.streams), default=0.0)
     times = grid(duration_of(run, origin, system.timestep), system.timestep)
     if held and not single:

@@ -196,7 +196,7 @@ def _single(
     spec: mujoco.MjSpec, campaign: Campaign, run: Run, held: bool, timestep: float, physics: Physics
 ) -> Setup:
     """A single inertia at rest at its angle: on its spring, which then is relaxed by its weight alone, or free."""
-    spring = campaign.rig.ground_spring if campaign.rig.ground_spring is not None else held
+    spring = campaign.rig.grounded(held=held)
     spec.actuator("motor").name = MOTOR_ON_LOAD
     if spring:
         reducer = spec.joint("reducer")

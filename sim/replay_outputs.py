@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
-from jointscope.recordings.campaign import Campaign, Channel, Run, Signal
+from jointscope.recordings.campaign import FORCES, Campaign, Channel, Run, Signal
 from jointscope.sim.measurement import Device
 from jointscope.sim.measurement_sensors import iepe
 from jointscope.sim.physics import Acquisition
@@ -71,7 +71,7 @@ def _ideal(campaign: Campaign, run: Run, signal: Signal, trace: Trace, radii: di
     if channel.quantity in ("force", "torque", "current", "voltage") and "load force" in signals:
         return signals["load force"] / (channel.radius or 1.0) / _per_unit(campaign, channel)
     torque = trace.inputs.get("motor", trace.inputs.get("motor on load"))
-    if at_motor and torque is not None and channel.quantity in ("torque", "current", "voltage", "force"):
+    if at_motor and torque is not None and channel.quantity in FORCES:
         return torque / _per_unit(campaign, channel)
     raise RefusedError(
         f"{signal.stream.file}: {channel.column!r} is a {channel.quantity} at {channel.location}, "

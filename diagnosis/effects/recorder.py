@@ -82,35 +82,38 @@ def _drifts(problem: Problem) -> tuple[float, float, float]:
 _TIMING = ("drive-lag", "delay", "torque-logging", "sensor-resonance")
 
 SPECS: tuple[EffectSpec, ...] = (
-    EffectSpec(
-        name="delay",
-        location="acquisition",
-        variant="constant",
-        family="sensor-time",
-        exact=True,
-        parameters=(ParameterSpec("delay", "s", -0.05, 0.05, null=0.0),),
-        law="stamped t + delay by the device that is not the DAQ",
-        revealed_by=("torque-sweep", "speed-motion"),
-        look_alikes=tuple(name for name in _TIMING if name != "delay"),
-        apply=_delay,
-        scale=lambda problem: (1e-4, 5e-4, 2e-3),
-        starts=one_start,
-        possible=needs_two_clocks,
-    ),
-    EffectSpec(
-        name="delay",
-        location="acquisition",
-        variant="encoder",
-        family="sensor-time",
-        exact=True,
-        parameters=(ParameterSpec("delay", "s", -0.05, 0.05, null=0.0),),
-        law="the arm's encoder read at t - delay when the motor's is at t",
-        revealed_by=("torque-sweep", "speed-motion"),
-        look_alikes=("clock-drift",),
-        apply=_encoder_delay,
-        scale=lambda problem: (1e-4, 5e-4, 2e-3),
-        starts=one_start,
-        possible=_needs_two_encoders,
+    *(
+        EffectSpec(
+            name="delay",
+            location="acquisition",
+            variant=variant,
+            family="sensor-time",
+            exact=True,
+            parameters=(ParameterSpec("delay", "s", -0.05, 0.05, null=0.0),),
+            law=law,
+            revealed_by=("torque-sweep", "speed-motion"),
+            look_alikes=look_alikes,
+            apply=apply,
+            scale=lambda problem: (1e-4, 5e-4, 2e-3),
+            starts=one_start,
+            possible=possible,
+        )
+        for variant, law, look_alikes, apply, possible in (
+            (
+                "constant",
+                "stamped t + delay by the device that is not the DAQ",
+                tuple(name for name in _TIMING if name != "delay"),
+                _delay,
+                needs_two_clocks,
+            ),
+            (
+                "encoder",
+                "the arm's encoder read at t - delay when the motor's is at t",
+                ("clock-drift",),
+                _encoder_delay,
+                _needs_two_encoders,
+            ),
+        )
     ),
     EffectSpec(
         name="clock-drift",
