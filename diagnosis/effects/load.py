@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 
+INCLINED = 2.0  # rad: little beyond a right angle, so that the moment and not the phase carries the sign
+
+
 def _gravity(assembly: Assembly, values: Values, weight: float) -> None:
     moment = values[0]
     phase = values[1] if len(values) > 1 else 0.0
@@ -160,7 +163,7 @@ SPECS: tuple[EffectSpec, ...] = (
                 "-M cos(q + phi)",
                 (
                     ParameterSpec("moment", "N m", -1e9, 1e9, null=0.0),
-                    ParameterSpec("phase", "rad", -math.pi, math.pi),
+                    ParameterSpec("phase", "rad", -INCLINED, INCLINED),
                 ),
                 lambda problem: ((0.5 * math.pi,),),
                 lambda problem: (
