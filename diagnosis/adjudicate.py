@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
-from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven
+from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import REAL, Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
@@ -153,11 +153,12 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     whole = replace(
         objective, runs=(*objective.runs, *held_runs), whiteners=(*objective.whiteners, *held.whiteners)
     )
-    echo = echoes(whole, *best.fit.coordinates.unpack(best.fit.x))
+    again = relogs(whole)
+    echo = echoes(whole, again, *best.fit.coordinates.unpack(best.fit.x))
 
     @functools.cache
     def noisy(judged: Judged) -> dict[int, Vector]:
-        return redriven(whole, *judged.fit.coordinates.unpack(judged.fit.x))
+        return redriven(whole, again, *judged.fit.coordinates.unpack(judged.fit.x))
 
     return Judgement(judged, objective, held, noise, echo, noisy)
 

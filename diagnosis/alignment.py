@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 
 from jointscope.diagnosis.predict import predict_outputs
@@ -82,13 +81,7 @@ def moved(run: PreparedRun, device: int, offset: float) -> PreparedRun:
 
 
 def _later(signal: Bandlimited, offset: float) -> Bandlimited:
-    spline = signal._spline
-    return replace(
-        signal,
-        start=signal.start + offset,
-        end=signal.end + offset,
-        _spline=BSpline(spline.t + offset, spline.c, spline.k),
-    )
+    return replace(signal, start=signal.start + offset, end=signal.end + offset)
 
 
 def _cost(run: PreparedRun, device: int, offset: float, problem: Problem, theta: Vector) -> float:

@@ -36,19 +36,51 @@ ALIGNED = (
 )
 
 
-def noisy_again(run: PreparedRun, turn: int) -> PreparedRun:
-    """The run as another log of the same torque would drive it; unchanged where nothing is logged."""
+@dataclass(frozen=True, eq=False)
+class Relogged:
+    """A torque as further logs of it would have it.
+
+    Attributes:
+        samples: As :attr:`inputs.Drive.samples`, shape (AGAIN, n).
+        motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (AGAIN, 2 steps + 1).
+    """
+
+    samples: Vector
+    motor_half: Vector
+
+
+def relogged(run: PreparedRun) -> Relogged | None:
+    """Further logs of a run's torque, which no model has a part in; ``None`` where none is logged with noise."""
     motor = run.motor
-    if motor is None:
-        return run
+    if motor is None or not motor.noise > 0.0:
+        return None
     rate, start = motor.signal.rate, motor.signal.start
-    rng = np.random.default_rng([SEED, turn, run.index])
-    noise = motor.noise * rng.standard_normal(motor.samples.size)
-    samples = estimated_input(motor.samples + noise, rate, motor.noise)
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-    error = bandlimited(samples - motor.samples, rate, start)(half)
-    drive = replace(motor, samples=samples, signal=bandlimited(samples, rate, start))
-    return replace(run, motor=drive, motor_half=run.motor_half + error)
+    samples, halves = [], []
+    for turn in range(1, AGAIN + 1):
+        noise = motor.noise * np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size)
+        samples.append(estimated_input(motor.samples + noise, rate, motor.noise))
+        halves.append(run.motor_half + bandlimited(samples[-1] - motor.samples, rate, start)(half))
+    return Relogged(np.stack(samples), np.stack(halves))
+
+
+Relogs = dict[int, Relogged]  # by position in an objective
+
+
+def relogs(objective: Objective) -> Relogs:
+    """Further logs of every run of ``objective`` that a noisy log drives."""
+    found = objective.map(relogged, objective.prepared)
+    return {i: relog for i, relog in enumerate(found) if relog is not None}
+
+
+def _driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:
+    """The run as the log of a turn would drive it."""
+    motor = run.motor
+    if motor is None:  # pragma: no cover - relogs are of runs that a log drives
+        return run
+    samples = relog.samples[turn]
+    drive = replace(motor, samples=samples, signal=bandlimited(samples, motor.signal.rate, motor.signal.start))
+    return replace(run, motor=drive, motor_half=relog.motor_half[turn])
 
 
 @dataclass(frozen=True)
@@ -90,47 +122,50 @@ class Echo:
 Noisy = dict[int, list[list[Vector]]]  # by run: its outputs as it was driven, and as each noise would drive it
 
 
-def _predicted(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Noisy:
+def _predicted(objective: Objective, again: Relogs, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Noisy:
     """What the model does in every run that a noisy log drives."""
 
-    def predicted(task: tuple[PreparedRun, int]) -> list[Vector]:
-        run, turn = task
-        driven = noisy_again(run, turn) if turn else run
-        found = objective.predict(driven, theta, effects, objective.problem)
+    def predicted(run: PreparedRun) -> list[Vector]:
+        found = objective.predict(run, theta, effects, objective.problem)
         return [np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0) for x in found]
 
     runs = objective.prepared
-    driven = [i for i, run in enumerate(runs) if run.motor is not None and run.motor.noise > 0.0]
-    turns = range(AGAIN + 1)
-    results = iter(objective.map(predicted, [(runs[i], turn) for i in driven for turn in turns]))
-    return {i: [next(results) for _ in turns] for i in driven}
+    driven = [
+        run
+        for i, relog in again.items()
+        for run in (runs[i], *(_driven_by(runs[i], relog, turn) for turn in range(AGAIN)))
+    ]
+    results = iter(objective.map(predicted, driven))
+    return {i: [next(results) for _ in range(AGAIN + 1)] for i in again}
 
 
 def _apart(still: Sequence[Vector], noisy: Sequence[Vector]) -> list[Vector]:
     return [b - a for a, b in zip(still, noisy, strict=True)]
 
 
-def echoes(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Echo:
-    """The echo in all runs of ``objective`` at these parameters."""
+def echoes(objective: Objective, again: Relogs, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Echo:
+    """The echo in all runs of ``objective`` at these parameters; ``again``: its :func:`relogs`."""
     energies: dict[Kind, float] = {}
     nats: dict[str, float] = {}
-    again = [np.zeros((0, sum(whitener.sizes))) for whitener in objective.whiteners]
-    for i, (still, *noisy) in _predicted(objective, theta, effects).items():
+    whitened = [np.zeros((0, sum(whitener.sizes))) for whitener in objective.whiteners]
+    for i, (still, *noisy) in _predicted(objective, again, theta, effects).items():
         run, errors = objective.prepared[i], [_apart(still, y) for y in noisy]
         for k, output in enumerate(run.outputs):
             key, below = kind_of(run, output), below_excitation(run, output)
             scored = [asked_only(error[k], below)[output.mask] for error in errors]
             energies[key] = energies.get(key, 0.0) + float(np.mean([x @ x for x in scored]))
         if objective.whiteners:
-            again[i] = np.stack([objective.whiteners[i](error)[:, 0] for error in errors])
+            whitened[i] = np.stack([objective.whiteners[i](error)[:, 0] for error in errors])
             name = run.run.experiment
-            nats[name] = nats.get(name, 0.0) + 0.5 * float(np.mean(np.sum(np.square(again[i]), axis=1)))
-    return Echo(energies, nats, tuple(again))
+            nats[name] = nats.get(name, 0.0) + 0.5 * float(np.mean(np.sum(np.square(whitened[i]), axis=1)))
+    return Echo(energies, nats, tuple(whitened))
 
 
-def redriven(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> dict[int, Vector]:
+def redriven(
+    objective: Objective, again: Relogs, theta: Vector, effects: tuple[ActiveEffect, ...]
+) -> dict[int, Vector]:
     """Whitened predictions by run, as it was driven and as every noise would drive it, shape (AGAIN + 1, n)."""
-    found = _predicted(objective, theta, effects)
+    found = _predicted(objective, again, theta, effects)
     return {i: np.stack([objective.whiteners[i](y)[:, 0] for y in all_y]) for i, all_y in found.items()}
 
 

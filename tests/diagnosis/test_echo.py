@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt, sosfreqz
 
-from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone
+from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, relogs
 from jointscope.diagnosis.energies import by_experiment, drowned, heard, improvement
 from jointscope.diagnosis.inputs import Drive
 from jointscope.diagnosis.objective import Objective
@@ -51,7 +51,7 @@ def echo_of(run, gain=1.0):
     """Of a model whose output is ``gain`` times the torque."""
     with ThreadPoolExecutor(1) as pool:
         objective = Objective(SimpleNamespace(runs=(run,)), lambda r, *_: (gain * r.motor_half[::2],), (0,), pool)
-        return echoes(objective, np.zeros(0), ()).energies
+        return echoes(objective, relogs(objective), np.zeros(0), ()).energies
 
 
 def test_where_the_log_holds_a_signal_its_noise_is_left_in_it():
