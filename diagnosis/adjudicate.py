@@ -153,12 +153,12 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     whole = replace(
         objective, runs=(*objective.runs, *held_runs), whiteners=(*objective.whiteners, *held.whiteners)
     )
-    again = relogs(whole)
-    echo = echoes(whole, again, *best.fit.coordinates.unpack(best.fit.x))
+    logs = relogs(whole)
+    echo = echoes(whole, logs, *best.fit.coordinates.unpack(best.fit.x))
 
     @functools.cache
     def noisy(judged: Judged) -> dict[int, Vector]:
-        return redriven(whole, again, *judged.fit.coordinates.unpack(judged.fit.x))
+        return redriven(whole, logs, *judged.fit.coordinates.unpack(judged.fit.x))
 
     return Judgement(judged, objective, held, noise, echo, noisy)
 
