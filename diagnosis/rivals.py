@@ -45,6 +45,8 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "sliding-mount": _CARRIERS[1:],
     "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
     "rounded": ("rounded-asymmetric",),
+    "dahl": ("bouc-wen-shaped",),
+    "bouc-wen": ("bouc-wen-shaped",),
     "plain": ("presliding",),
     "presliding": ("presliding-asymmetric",),
     "bristles": ("bristles-asymmetric",),

@@ -62,12 +62,17 @@ def _piecewise_cubic(assembly: Assembly, values: Values, weight: float) -> None:
 
 def _hysteresis(kind: int) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, stiffness = values
+        torque, stiffness = values[:2]
         assembly.P[kernel.HYST_TORQUE] = torque
         assembly.P[kernel.HYST_ANGLE] = max(torque / stiffness, 1e-15)
         assembly.S[kernel.HYST_KIND] = kind
 
     return apply
+
+
+def _shaped_loop(assembly: Assembly, values: Values, weight: float) -> None:
+    _hysteresis(kernel.BOUC_WEN_SHAPED)(assembly, values, weight)
+    assembly.P[kernel.HYST_SHAPE] = values[2]
 
 
 def branches(loss_factor: float, stiffness: float, omega: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -284,6 +289,26 @@ SPECS: tuple[EffectSpec, ...] = (
             ("dahl", kernel.DAHL),
             ("elastic-slip", kernel.ELASTIC_SLIP),
         )
+    ),
+    EffectSpec(
+        name="hysteresis",
+        location="transmission",
+        variant="bouc-wen-shaped",
+        family="hysteretic",
+        parameters=(
+            ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0),
+            ParameterSpec("stiffness", "N m/rad", 1e-6, 1e15, log=True),
+            ParameterSpec("shape", "1", -2.0, 1.0),
+        ),
+        law="K Delta + T z(Delta), z' = 1 - |z| (sgn(z Delta') + shape): loops that stiffen (below -1) or yield",
+        revealed_by=_HITS,
+        look_alikes=("coulomb-friction", "structural-damping", "stiffness-nonlinearity"),
+        apply=_shaped_loop,
+        scale=_loop_sizes,
+        starts=lambda problem: tuple((*loop, -1.4) for loop in _loop_starts(problem)),
+        possible=needs_spring,
+        limits=_loop_limits,
+        proportional=(1,),
     ),
     *(
         EffectSpec(

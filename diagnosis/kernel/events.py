@@ -28,7 +28,7 @@ def remember(P: Real, S: NDArray[np.int64], mem: Real, delta: float) -> None:
             limit = 0.4 * (i + 1)
             mem[1 + i] = min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
     else:
-        mem[1] = hysteresis(mem[1], travel, P[HYST_ANGLE], S[HYST_KIND])
+        mem[1] = hysteresis(mem[1], travel, P[HYST_ANGLE], S[HYST_KIND], P[HYST_SHAPE])
     mem[0] = delta
 
 

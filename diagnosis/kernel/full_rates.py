@@ -73,7 +73,7 @@ def _rates_source(
                 total += min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
             T += P[HYST_TORQUE] * 0.25 * total
         else:
-            T += P[HYST_TORQUE] * hysteresis(mem[1], travel, P[HYST_ANGLE], kind)
+            T += P[HYST_TORQUE] * hysteresis(mem[1], travel, P[HYST_ANGLE], kind, P[HYST_SHAPE])
     for i in range(S[N_BRANCH]):
         b = BRANCH_0 + 2 * i
         j = S[AT_BRANCH] + i

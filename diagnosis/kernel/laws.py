@@ -15,7 +15,27 @@ TURN = 0.02  # rad over which weight is expanded to third order (1e-8)
 
 
 @compiled
-def hysteresis(z: float, d: float, y: float, kind: int) -> float:
+def approached(u: float, rate: float, r: float) -> float:
+    """u after a travel ``r`` of u' = 1 - rate u: towards 1/rate, away from it where the rate is negative."""
+    if abs(rate) < 1e-9:
+        return u + r
+    return float(u - (1.0 - rate * u) * math.expm1(max(min(-rate * r, 50.0), -50.0)) / rate)
+
+
+@compiled
+def shaped_loop(u: float, r: float, shape: float) -> float:
+    """Bouc-Wen, nu = 1, gamma = 1, delta = ``shape``: u' = 1 - (1 + shape) u under load, 1 - (1 - shape) u before."""
+    if u < 0.0:
+        back = 1.0 - shape
+        due = math.log1p(-back * u) / back if back > 1e-9 else -u
+        if r <= due:
+            return approached(u, back, r)
+        u, r = 0.0, r - due
+    return approached(u, 1.0 + shape, r)
+
+
+@compiled
+def hysteresis(z: float, d: float, y: float, kind: int, shape: float) -> float:
     """Normalised hysteretic torque after a monotone travel ``d`` from the state ``z``; yield angle ``y``."""
     if d == 0.0:
         return z
@@ -26,6 +46,8 @@ def hysteresis(z: float, d: float, y: float, kind: int) -> float:
     if kind == 1:
         return s + (z - s) * math.exp(-r)
     u = s * z
+    if kind == 5:
+        return s * shaped_loop(u, r, shape)
     if u < 0.0:  # Bouc-Wen, nu = 2, beta = gamma = 1/2: unloading is linear
         if r <= -u:
             return s * (u + r)

@@ -51,7 +51,8 @@ PAR_SHARE, PAR_MOTOR, PAR_LOAD, PAR_PHASE = (
     128,
 )  # stiffness K (1 + share sin(per q_s, per q, phase))
 RUB = 129  # damping in proportion to the wind-up [N m s/rad^2]
-N_P = 130
+HYST_SHAPE = 130  # delta/gamma of Bouc and Wen: 1 unloads straight, 0 is Dahl's law, below -1 the loop stiffens
+N_P = 131
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
@@ -60,7 +61,7 @@ TABLE_SITE, TABLE_OF = 14, 15
 PRE_SITE = 16
 N_S = 17
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
-DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP = 1, 2, 3, 4
+DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP, BOUC_WEN_SHAPED = 1, 2, 3, 4, 5
 AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
 OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE, OF_TURN = 0, 1, 2, 3, 4  # TABLE_OF; of turn: a stiffness
 

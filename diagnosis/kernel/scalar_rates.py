@@ -65,7 +65,7 @@ def _scalar_rates_source(
             total += min(max(mem[3] + share, -1.2), 1.2) + min(max(mem[4] + share, -1.6), 1.6)
             T += P[HYST_TORQUE] * 0.25 * total
         elif kind != 0:
-            T += P[HYST_TORQUE] * hysteresis(mem[1], delta - mem[0], P[HYST_ANGLE], kind)
+            T += P[HYST_TORQUE] * hysteresis(mem[1], delta - mem[0], P[HYST_ANGLE], kind, P[HYST_SHAPE])
         if S[TABLE_SITE] == AT_TRANSMISSION:
             T = with_table(T, P, S, delta, rate, q)
     innovation = 0.0

@@ -44,6 +44,9 @@ def hysteresis(building: Building, location: str, variant: str, p: Parameters) -
         slip.wrap_joint("reducer", 1.0)
         slip.stiffness[0], slip.springyield = torque / angle, angle
         return "springyield of a parallel tendon"
+    if variant == "bouc-wen-shaped":
+        building.law("hysteresis", form=variant, torque=torque, angle=angle, shape=p["shape"])
+        return ""
     if variant != "maxwell-slip":
         building.law("hysteresis", form="dahl" if variant == "dahl" else "bouc-wen", torque=torque, angle=angle)
         return ""

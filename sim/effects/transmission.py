@@ -15,6 +15,7 @@ Law = Mapping[str, Any]
 Part = Callable[[float, float, float], float]  # t [s], Delta [rad], Delta' [rad/s] -> torque [N m]
 
 _QUIET = 1e-30  # rad^2/s^2
+SHAPED_STEP = 0.02  # of a loop's angle, by which a shaped loop is followed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +71,13 @@ class Spring:
 
 
 def hysteresis(law: Law) -> Part:
-    """T z with the travel over ``angle``: z' = 1 - s z (Dahl) or, Bouc-Wen with nu = 2, 1 - z^2 while loading."""
+    """T z with the travel over ``angle``: z' = 1 - s z (Dahl) or, Bouc-Wen with nu = 2, 1 - z^2 while loading.
+
+    With a ``shape``, Bouc-Wen with nu = 1: z' = 1 - s z - shape |z|.
+    """
+    if law["form"] == "bouc-wen-shaped":
+        shape = float(law["shape"])
+        return _by_travel(law, lambda z, travel, rate: _bouc_wen_shaped(z, travel, shape))
     follow = _dahl if law["form"] == "dahl" else _bouc_wen
     return _by_travel(law, lambda z, travel, rate: follow(z, travel))
 
@@ -123,6 +130,17 @@ def _bouc_wen(z: float, travel: float) -> float:
         if along < 0.0:
             return sign * along
     return sign * math.tanh(math.atanh(min(along, 1.0 - 1e-12)) + left)
+
+
+def _bouc_wen_shaped(z: float, travel: float, shape: float) -> float:
+    """By midpoint steps."""
+    sign = math.copysign(1.0, travel)
+    steps = max(1, math.ceil(abs(travel) / SHAPED_STEP))
+    h = travel / steps
+    for _ in range(steps):
+        middle = z + 0.5 * h * (1.0 - sign * z - shape * abs(z))
+        z += h * (1.0 - sign * middle - shape * abs(middle))
+    return z
 
 
 def relaxation(law: Law) -> Part:

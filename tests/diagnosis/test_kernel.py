@@ -232,6 +232,38 @@ def test_hysteresis_is_rate_independent_dissipates_and_starts_stiff(kind):
     assert area[1] == pytest.approx(area[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("shape", [-1.4, -1.0, -0.3, 1.0])
+@pytest.mark.parametrize(("z", "travel"), [(0.0, 1.7), (-0.6, 2.2), (0.4, -0.9), (0.5, 0.2)])
+def test_a_shaped_loop_is_bouc_and_wens(shape, z, travel):
+    """z' = 1 - |z| (sgn(z x') + shape) per travel x, by Euler's steps."""
+    steps = 200_000
+    h = travel / steps
+    value = z
+    for _ in range(steps):
+        value += h * (1.0 - abs(value) * (np.sign(value * travel) + shape))
+    assert k_laws.hysteresis(z, travel * 1e-5, 1e-5, k.BOUC_WEN_SHAPED, shape) == pytest.approx(value, abs=3e-5)
+
+
+@pytest.mark.parametrize("travel", [0.3e-5, -2e-5])
+def test_a_loop_of_shape_zero_is_dahls(travel):
+    assert k_laws.hysteresis(0.3, travel, 1e-5, k.BOUC_WEN_SHAPED, 0.0) == pytest.approx(
+        k_laws.hysteresis(0.3, travel, 1e-5, k.DAHL, 0.0), rel=1e-12
+    )
+
+
+def test_a_loop_of_shape_below_minus_one_stiffens_and_dissipates():
+    """The tangent at the turning point is steeper than at the start, and the loop still has an area."""
+    P, S = packed(
+        HYST_TORQUE=10.0, HYST_ANGLE=1e-3, HYST_KIND=k.BOUC_WEN_SHAPED, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12
+    )
+    P[k.HYST_SHAPE] = -1.4
+    _, out = run(P, S, y=lambda t: 1e-3 * np.sin(2 * np.pi * t), duration=2.0, rate=4096.0)
+    delta, T = out[:, k.X_QS] - out[:, k.X_Q], out[:, k.X_TS]
+    slope = np.gradient(T, delta)
+    assert slope[900] > 1.9e5 + 1.2e4 > 1.9e5 + 1.05e4 > slope[10]
+    assert np.trapezoid(T[4096:], delta[4096:]) > 0.0
+
+
 def test_hysteresis_within_its_yield_angle_is_a_spring():
     """Before any element slips a Maxwell-slip joint is only stiffer: no loss."""
     P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-2, HYST_KIND=k.MAXWELL_SLIP)
@@ -338,8 +370,12 @@ def test_bristles_end_on_the_curve_of_their_speed_and_without_breakaway_are_dahl
     P, S = packed(PRE_TORQUE=4.0, PRE_ANGLE=1e-5, PRE_EXCESS=0.0, PRE_SPEED=1.0)
     S[k.PRE_SITE] = k.AT_LOAD
     z = 0.3
-    assert k_laws.bristle(z, 2e-6, 0.1, P) == pytest.approx(k_laws.hysteresis(z, 2e-6, 1e-5, k.DAHL), rel=1e-12)
-    assert k_laws.bristle(z, -2e-6, 0.1, P) == pytest.approx(k_laws.hysteresis(z, -2e-6, 1e-5, k.DAHL), rel=1e-12)
+    assert k_laws.bristle(z, 2e-6, 0.1, P) == pytest.approx(
+        k_laws.hysteresis(z, 2e-6, 1e-5, k.DAHL, 0.0), rel=1e-12
+    )
+    assert k_laws.bristle(z, -2e-6, 0.1, P) == pytest.approx(
+        k_laws.hysteresis(z, -2e-6, 1e-5, k.DAHL, 0.0), rel=1e-12
+    )
 
 
 def test_rounded_stribeck_follows_its_curve_on_either_side_and_in_either_stepper():

@@ -46,6 +46,7 @@ CATALOGUE = [
     ("stiffness-nonlinearity", "transmission", "piecewise", {"soft_share": 0.3, "transition_angle": 1e-4}, "soft_share", 0.0),
     ("hysteresis", "transmission", "bouc-wen", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "dahl", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
+    ("hysteresis", "transmission", "bouc-wen-shaped", {"torque": 8.0, "stiffness": 1e5, "shape": -1.4}, "torque", 0.0),
     ("hysteresis", "transmission", "maxwell-slip", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "elastic-slip", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("structural-damping", "transmission", "relaxation", {"loss_factor": 0.05}, "loss_factor", 0.0),

@@ -125,6 +125,21 @@ def test_a_loop_closes_is_odd_and_its_area_does_not_depend_on_the_rate(form):
     assert np.max(torque) == pytest.approx(8.0, rel=0.03)
 
 
+@pytest.mark.parametrize("shape", [-1.4, -0.5, 1.0])
+def test_a_shaped_loop_follows_bouc_and_wens_equation_with_exact_exponentials(shape):
+    """Loaded from rest z = (1 - exp(-p x))/p with p = 1 + shape, and back with m = 1 - shape until z = 0."""
+    law = hysteresis({"torque": 8.0, "angle": 8e-5, "form": "bouc-wen-shaped", "shape": shape})
+    law(0.0, 0.0, 0.0)
+    loading, unloading = 1.0 + shape, 1.0 - shape
+    up = law(1e-4, 8e-5, 0.0) / 8.0
+    assert up == pytest.approx(-math.expm1(-loading) / loading, rel=1e-4)
+    down = law(2e-4, 8e-5 - 2e-5, 0.0) / 8.0
+    exact = up - 0.25 if unloading == 0.0 else 1.0 / unloading
+    if unloading:
+        exact = -((-up - exact) * math.exp(-unloading * 0.25) + exact)
+    assert down == pytest.approx(exact, rel=1e-3)
+
+
 def test_hysteresis_starts_unloaded_with_the_slope_of_its_stiffness():
     for form in ("bouc-wen", "dahl"):
         law = hysteresis({"torque": 8.0, "angle": 8e-5, "form": form})
