@@ -36,7 +36,7 @@ LIMITS = (0.9, 1.1)  # of the reduced model's gain
 TIMESTEP = 1e-4  # s; 0.05 % and 0.05 degree below 100 Hz
 DIVERGED = 100.0  # an error counts no more than this
 _TAIL = 8  # samples at the end, where a recorder's filter looks past the run
-_SETTLING = 0.4  # s at the start of a run that began in motion
+_SETTLING = 0.5  # s at the start of a run that began in motion
 _ANGLES = ("angle", "position")
 
 
@@ -262,6 +262,8 @@ def _check(run: Run, recorded: Signal, base: Signal, augmented: Signal, sign: fl
         for side in (base, augmented)
     ]
     kept = samples[scored]
+    if angle and run.initial == "estimate":  # no rest at its first sample: a steady state's zero is its mean
+        sides = [side + float(np.mean(kept - side[scored])) for side in sides]
     reference = _rms(kept - kept[0] if angle else kept)
     errors = [_rms(kept - side[scored]) / reference if reference > 0.0 else math.nan for side in sides]
     return ChannelCheck(

@@ -13,10 +13,11 @@ from scipy.signal import butter, lfilter
 
 from jointscope.cli import main
 from jointscope.errors import InputError, RefusedError
-from jointscope.experiments.confirm import confirm
+from jointscope.experiments.confirm import _check, confirm
 from jointscope.models.effects import augment, write_augmented
 from jointscope.models.paper import paper_rig
 from jointscope.recordings.bandlimited import bandlimited
+from jointscope.recordings.campaign import Channel, Run, Signal, Stream
 from jointscope.recordings.reader import read_campaign
 from jointscope.recordings.writer import write_campaign
 from jointscope.sim.effects import loop_of, physics_of
@@ -258,6 +259,30 @@ def both_engines(campaign, problem, effects):
             if output.quantity == "angle":
                 x, y = x - x[0], y - y[0]
             yield output.quantity, x, y
+
+
+@pytest.mark.parametrize("initial", ["estimate", "rest"])
+def test_the_zero_of_a_steady_state_is_its_mean(initial):
+    """The model begins at rest and joins the record's steady state within its first half second."""
+    rate = 1000.0
+    t = np.arange(5000) / rate
+    true = 1e-3 * np.cos(2 * np.pi * 10.0 * t)
+
+    def signal(samples):
+        channel = Channel(
+            column="x", quantity="position", unit="m", location="load", role="output", samples=samples
+        )
+        return Signal(
+            stream=Stream(file="a.csv", sampling_rate=rate, length=t.size, channels=(channel,)),
+            channel=channel,
+            device=0,
+        )
+
+    run = Run(id="a", experiment="torque-sweep", streams=(), initial=initial)
+    rising = signal(np.where(t < 0.5, 2.0 * t, 1.0) * true)
+    found = _check(run, signal(true + 0.7e-3), rising, rising, 1.0)
+    assert found.base_error == found.augmented_error
+    assert found.base_error < 1e-12 if initial == "estimate" else found.base_error > 0.3
 
 
 def rms(x):
