@@ -29,6 +29,7 @@ Vector = NDArray[np.float64]
 FAMILIES = ("dissipative", "hysteretic", "stiffness", "input", "sensor-gain")
 STEADY = ("speed-motion", "torque-sweep")  # experiments whose level is about the same early and late
 CHANGES = 0.25  # of the size, away from its mean by the end, beyond which it is another law's
+WHOLE = 1.0  # of the size: an effect that turned its sign within a run is no size that changed, but a form that is a little wrong
 SURE = 5.0  # standard errors
 TOLERANCE = 1e-9  # of the strongest direction of the parameters, below which they are not told apart
 
@@ -54,8 +55,8 @@ class Change:
 
     @property
     def stands(self) -> bool:
-        """Large, beyond chance, and carried over."""
-        large = abs(self.relative) > max(CHANGES, SURE * self.error)
+        """Large, beyond chance, without a change of sign, and carried over."""
+        large = WHOLE > abs(self.relative) > max(CHANGES, SURE * self.error)
         return large and self.gain > HELD and self.held_gain > max(HELD, AS_FORETOLD * self.foretold)
 
 

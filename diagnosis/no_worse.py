@@ -54,6 +54,11 @@ def borne(whole: float, told: Sequence[ChannelError], base: Sequence[ChannelErro
     return little or (sure and no_worse) or clearly_better(told, base)
 
 
+def may_follow(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
+    """Whether an effect may be named in place of a likelier one that foretold worse: by errors that are no worse."""
+    return not told or mean_error(told) <= (1.0 + WORSE) * mean_error(base)
+
+
 def _beyond_noise(errors: Sequence[ChannelError]) -> float:
     """Mean of what the errors are beyond their floors [-]; the errors themselves where no floor is known."""
     floors = [e.floor if math.isfinite(e.floor) else 0.0 for e in errors]
@@ -105,7 +110,7 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         return replace(diagnosis, decision=replace(decision, chosen=base))
     top = decision.ranking[0]
     others = [r for r in decision.ranking[1:5] if r.names and r.score > SECOND * top.score]
-    kept = [r for r in others if not worse(r.judged)]
+    kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]
     if kept:
         sure = SECOND_CHOICE * kept[0].probability / sum(r.probability for r in kept)
         fit = adequacy_of(diagnosis.judgement, kept[0].judged)

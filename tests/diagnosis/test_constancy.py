@@ -87,10 +87,11 @@ def test_a_size_that_stays_does_not(found):
         (0.2, 0.01, 40.0, "effects"),
         (0.5, 0.2, 40.0, "effects"),
         (0.5, 0.05, 1.0, "effects"),
+        (1.2, 0.05, 40.0, "effects"),  # from -0.2 to 2.2 of its size: no friction does that
     ],
 )
 def test_what_changes_is_not_named(found, deciding, relative, error, held_gain, verdict):
-    """Too small, too uncertain or not carried over, a change changes nothing."""
+    """Too small, too uncertain, not carried over or with a change of sign, a change changes nothing."""
     table, active = found
     decision = deciding(table[0.0], active)
     change = Change("coulomb-friction@motor", relative, error, 50.0, held_gain, 30.0)

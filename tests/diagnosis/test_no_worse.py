@@ -11,7 +11,7 @@ from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
-from jointscope.diagnosis.no_worse import SECOND_CHOICE, borne, clearly_better
+from jointscope.diagnosis.no_worse import SECOND_CHOICE, borne, clearly_better, may_follow
 from jointscope.diagnosis.predict import predict_outputs
 
 
@@ -83,6 +83,14 @@ def test_a_confirmed_effect_bears_what_angles_do_that_drift_off(whole, error, su
     """Evidence on held-out runs and errors no worse where the model decides; either alone bears 5 % in all."""
     told, base = ([ChannelError("a", "torque-sweep", "acceleration@arm", e, 0.0)] for e in (error, 0.1))
     assert borne(whole, told, base, sure) is stays
+
+
+@pytest.mark.parametrize(("error", "named"), [(0.1005, True), (0.0950, True), (0.1025, False)])
+def test_a_second_choice_bears_nothing(error, named):
+    """2.5 % worse is borne where held-out runs confirm the likeliest effect, not where that was refuted."""
+    told, base = ([ChannelError("a", "speed-motion", "acceleration@arm", e, 0.0)] for e in (error, 0.1))
+    assert borne(error / 0.1, told, base, sure=True)
+    assert may_follow(told, base) is named
 
 
 @pytest.mark.parametrize(("gain", "left"), [(0.02, 0.0), (-0.02, 0.0), (0.2, 0.17)])
