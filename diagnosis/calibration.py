@@ -104,7 +104,8 @@ def features(diagnosis: Diagnosis) -> dict[str, Any]:
     ]
     rates = [o.rate for _, o in outputs]
     theta, _ = diagnosis.judgement.base.fit.coordinates.unpack(diagnosis.judgement.base.fit.x)
-    resonance = math.sqrt(theta[BASE_INDEX["stiffness"]] / theta[BASE_INDEX["load_inertia"]]) / (2.0 * math.pi)
+    stiffness, inertia = float(theta[BASE_INDEX["stiffness"]]), float(theta[BASE_INDEX["load_inertia"]])
+    resonance = math.sqrt(stiffness / inertia) / (2.0 * math.pi) if min(stiffness, inertia) > 0.0 else 0.0
     ranking = decision.ranking
     margin = ranking[0].score - ranking[1].score if len(ranking) > 1 else 50.0
     stated = float(np.clip(decision.probability, 1e-4, 1.0 - 1e-4))
