@@ -53,6 +53,7 @@ TRANSLATIONAL = {
     "load_damping": "N s/m", "gravity_moment": "N", "efficiency": "1", "torque_scale": "1", "drive_gain": "N s/m",
     "drive_integral": "N/m", "torque_offset": "N",
 }  # fmt: skip
+FORETELLING = 6  # sets of the ranking, beside the base, whose held-out errors are stated
 SHIFTED = 3.0  # sigma beyond which a rough value is said to have been off
 
 
@@ -150,6 +151,22 @@ def evidence_text(comparison: Comparison, base: float, augmented: float, runs: i
     return text
 
 
+def ranking_json(diagnosis: Diagnosis, free: Free) -> list[dict[str, Any]]:
+    """``ranking``: every set with its probability, the leading ones with what they would foretell held-out runs to."""
+    problem, held, noise = diagnosis.problem, diagnosis.split.held_out, diagnosis.judgement.noise
+    found: list[dict[str, Any]] = []
+    for r in [r for r in diagnosis.decision.ranking[:20] if resembled(r.judged) is None]:
+        entry: dict[str, Any] = {
+            "effects": list(r.names), "probability": round(r.probability, 6), "score": round(r.score, 3),
+        }  # fmt: skip
+        if held and (len(found) < FORETELLING or not r.names):
+            theta, effects = r.judged.fit.coordinates.unpack(r.judged.fit.x)
+            errors = channel_errors(problem, free, held, theta, effects, noise)
+            entry["held_out_error"] = number(mean_error(errors)) if errors else None
+        found.append(entry)
+    return found
+
+
 def held_out_json(
     problem: Problem, free: Free, diagnosis: Diagnosis
 ) -> tuple[dict[str, Any] | None, tuple[ChannelError, ...]]:
@@ -225,11 +242,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "format": FORMAT,
         "verdict": decision.verdict,
         "effects": effects,
-        "ranking": [
-            {"effects": list(r.names), "probability": round(r.probability, 6), "score": round(r.score, 3)}
-            for r in decision.ranking[:20]
-            if resembled(r.judged) is None
-        ],
+        "ranking": ranking_json(diagnosis, free),
         "where": where_json(diagnosis),
         "held_out": held_out,
         "black_box": black_box_json(diagnosis, free),

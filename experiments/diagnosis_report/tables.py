@@ -25,6 +25,7 @@ def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:
             ", ".join(row["effects"]) or "none",
             f"{row['probability']:.3f}",
             f"{row['score']:.1f}",
+            "" if row.get("held_out_error") is None else f"{row['held_out_error']:.4f}",
         )
         for row in answer["ranking"][:RANKED]
     )
@@ -48,7 +49,10 @@ def ranking(answer: Mapping[str, Any], *, sliding: bool) -> Section:
     return Section(
         heading="Candidates",
         text=tuple(dict.fromkeys(e["evidence"] for e in answer["effects"] if e["evidence"])),
-        table=Table(columns=("left out", "effect@location", "probability [-]", "score [nats]"), rows=rows),
+        table=Table(
+            columns=("left out", "effect@location", "probability [-]", "score [nats]", "held-out error [-]"),
+            rows=rows,
+        ),
         notes=tuple(notes),
     )
 

@@ -65,6 +65,9 @@ def test_a_spring_that_slips_by_turns_is_found_from_the_prepared_start(hits):
     found, answer = answered(hits(RATE, 1024.0))
     assert found.decision.chosen.names == ("stiffness-drift@transmission",)
     assert answer["effects"][0]["parameters"]["rate"]["value"] == pytest.approx(RATE, rel=0.02)
+    foretold = {tuple(row["effects"]): row.get("held_out_error") for row in answer["ranking"]}
+    assert foretold[found.decision.chosen.names] == pytest.approx(answer["held_out"]["augmented_error"])
+    assert foretold[()] == pytest.approx(answer["held_out"]["base_error"])
 
 
 def test_a_thinned_record_has_its_floor_and_a_null_stays_one(hits):

@@ -293,10 +293,11 @@ def test_plain_data_of_any_shape_becomes_a_table(value):
 
 
 def test_outside_the_calibrated_range_the_ranking_says_so():
-    row = {"effects": ["backlash@transmission"], "probability": 0.9, "score": 3.0}
+    row = {"effects": ["backlash@transmission"], "probability": 0.9, "score": 3.0, "held_out_error": 0.125}
     outside = {"in_domain": False, "reason": "the rates differ"}
     asked = answer("effects", effects=[PLAY | {"evidence": ""}]) | {"ranking": [row]}
     told = str(tables.ranking(asked | {"calibration": outside}, sliding=False).notes)
+    assert tables.ranking(asked, sliding=False).table.rows[0][-1] == "0.1250"
     assert "outside" in told and "the rates differ" in told
     assert "outside" not in str(tables.ranking(asked, sliding=False).notes)
 
