@@ -34,7 +34,7 @@ REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own 
 NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
-REAL_PICKED = 60.0  # of an order that was picked out of all orders
+REAL_PICKED = 60.0  # of an order that was picked out of all orders, a stop's place out of all of the travel
 REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
@@ -297,8 +297,9 @@ def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
 
 
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
-    """Whether an order picked out of hundreds gains more than the best of hundreds does by chance."""
-    picked = {f"{s.name}@{s.location}" for s in child.hypothesis.specs if s.family == "periodic"}
+    """Whether an order picked out of hundreds, or a place out of all of a travel, gains more than the best by chance."""
+    specs = child.hypothesis.specs
+    picked = {f"{s.name}@{s.location}" for s in specs if s.family == "periodic" or s.local}
     without = [part for part in parts if picked - set(part.names)]
     return not picked or all(compare(judgement, part, child).gain > REAL_PICKED for part in without)
 

@@ -52,7 +52,9 @@ NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is n
 NEARLY_ALL = 0.9  # ... unless it explains this of the mismatch's energy
 MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
 WHITE = 2.0  # times its innovation, below which noise is about white
-EXPLAINED = 0.5  # share of the mismatch's energy below which the best candidate is no answer
+EXPLAINED = (
+    0.6  # share of the mismatch's energy below which the best candidate is no answer (45 named: at least 0.73)
+)
 TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer

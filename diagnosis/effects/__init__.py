@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.effects import (
@@ -29,6 +30,7 @@ from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, Paramete
 from jointscope.diagnosis.effects.transmission import DRIFT_PER_RUN
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.effects.spec import Values
     from jointscope.diagnosis.problem import Problem
 
 __all__ = [
@@ -81,8 +83,9 @@ def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Prob
 
 
 def at_rig(spec: EffectSpec, problem: Problem) -> EffectSpec:
-    """The law with the bounds and units of the rig at hand."""
+    """The law with the bounds and units of the rig at hand, and the least size that makes it this effect there."""
     limits = spec.limits(problem)
+    sensible = spec.sensible if spec.least is None else partial(_large_enough, spec, spec.least(problem))
     parameters = []
     for parameter in spec.parameters:
         lower, upper = limits.get(parameter.name, (parameter.lower, parameter.upper))
@@ -91,4 +94,8 @@ def at_rig(spec: EffectSpec, problem: Problem) -> EffectSpec:
             for rotational, translational in _TRANSLATIONAL:
                 unit = unit.replace(rotational, translational)
         parameters.append(replace(parameter, lower=lower, upper=upper, unit=unit))
-    return replace(spec, parameters=tuple(parameters))
+    return replace(spec, parameters=tuple(parameters), sensible=sensible, least=None)
+
+
+def _large_enough(spec: EffectSpec, least: float, values: Values) -> bool:
+    return spec.sensible(values) and values[spec.amplitude] >= least

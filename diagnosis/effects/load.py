@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 
+SOFTEST_STOP = 0.01  # of the smallest size, below which a stop stops nothing
 INCLINED = 2.0  # rad: little beyond a right angle, so that the moment and not the phase carries the sign
 
 
@@ -193,6 +194,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_stop_starts(side),
             possible=lambda problem: None,
             limits=_stop_limits,
+            least=lambda problem: SOFTEST_STOP * _stop_sizes(problem)[0],
             local=True,
         )
         for variant, side in (("upper", 1.0), ("lower", -1.0))

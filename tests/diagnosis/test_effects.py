@@ -372,3 +372,12 @@ def test_a_soft_region_that_lacks_all_it_may_is_a_gap(problem, variant):
     spec = next(s for s in catalogue(problem) if s.variant == variant)
     rest = tuple(spec.starts(problem)[0])
     assert spec.sensible((0.5, *rest)) and not spec.sensible((spec.parameters[0].upper, *rest))
+
+
+def test_a_stop_that_stops_nothing_is_no_stop(problem):
+    """Its range goes on to nothing, for the search; what ends below a ten-thousandth of the joint's stiffness is none."""
+    for spec in (s for s in catalogue(problem) if s.name == "end-stop"):
+        smallest = spec.scale(problem)[0]
+        assert spec.parameters[spec.amplitude].lower == 0.0
+        assert spec.sensible((0.0, smallest, 0.0))
+        assert not spec.sensible((0.0, 1e-3 * smallest, 0.0))

@@ -379,3 +379,14 @@ def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, explai
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), explained, 0.0, 0.0))
     noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(kappa=kappa)})
     assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
+
+
+@pytest.mark.parametrize(
+    ("local", "gain", "stays"), [(True, 40.0, False), (True, 80.0, True), (False, 40.0, True)]
+)
+def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, stays):
+    """A stop may be sought anywhere: the best of all places gains more than one that was known."""
+    spec = SimpleNamespace(name="end-stop", location="load", family="stiffness", local=local)
+    child, base = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,))), SimpleNamespace(names=())
+    monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain))
+    assert adjudicate._beyond_the_search(None, child, [base]) is stays
