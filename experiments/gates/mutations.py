@@ -165,8 +165,8 @@ MUTATIONS = (
     Mutation(
         what="the recorded log one sample late, on reading",
         file="recordings/bandlimited.py",
-        old="times = start + (np.arange(fine.size) - lead) / (rate * OVERSAMPLING)",
-        new="times = start + (np.arange(fine.size) - lead + OVERSAMPLING) / (rate * OVERSAMPLING)",
+        old="self._spline(inside - self.start, nu=derivative)",
+        new="self._spline(inside - self.start - 1.0 / self.rate, nu=derivative)",
         group="prediction",
         reuse=(*RECORDED, "identified"),
     ),
