@@ -151,17 +151,24 @@ def evidence_text(comparison: Comparison, base: float, augmented: float, runs: i
     return text
 
 
-def ranking_json(diagnosis: Diagnosis, free: Free) -> list[dict[str, Any]]:
+def ranking_json(diagnosis: Diagnosis, free: Free, held_out: dict[str, Any] | None) -> list[dict[str, Any]]:
     """``ranking``: every set with its probability, the leading ones with what they would foretell held-out runs to."""
-    problem, held, noise = diagnosis.problem, diagnosis.split.held_out, diagnosis.judgement.noise
+    problem, judgement = diagnosis.problem, diagnosis.judgement
+    stated = {
+        id(judgement.base): (held_out or {}).get("base_error"),
+        id(diagnosis.decision.chosen): (held_out or {}).get("augmented_error"),
+    }
     found: list[dict[str, Any]] = []
     for r in [r for r in diagnosis.decision.ranking[:20] if resembled(r.judged) is None]:
         entry: dict[str, Any] = {
             "effects": list(r.names), "probability": round(r.probability, 6), "score": round(r.score, 3),
         }  # fmt: skip
-        if held and (len(found) < FORETELLING or not r.names):
+        if id(r.judged) in stated:
+            entry["held_out_error"] = stated[id(r.judged)]
+        elif held_out is not None and len(found) < FORETELLING:
             theta, effects = r.judged.fit.coordinates.unpack(r.judged.fit.x)
-            errors = channel_errors(problem, free, held, theta, effects, noise)
+            runs = diagnosis.split.held_out
+            errors = channel_errors(problem, free, runs, theta, effects, judgement.noise)
             entry["held_out_error"] = number(mean_error(errors)) if errors else None
         found.append(entry)
     return found
@@ -242,7 +249,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         "format": FORMAT,
         "verdict": decision.verdict,
         "effects": effects,
-        "ranking": ranking_json(diagnosis, free),
+        "ranking": ranking_json(diagnosis, free, held_out),
         "where": where_json(diagnosis),
         "held_out": held_out,
         "black_box": black_box_json(diagnosis, free),

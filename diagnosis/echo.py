@@ -23,6 +23,7 @@ from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.inputs import Drive
     from jointscope.diagnosis.objective import Objective
     from jointscope.diagnosis.problem import PreparedRun
 
@@ -41,10 +42,12 @@ class Relogged:
     """A torque as further logs of it would have it.
 
     Attributes:
+        motor: As it was logged.
         samples: As :attr:`inputs.Drive.samples`, shape (AGAIN, n).
         motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (AGAIN, 2 steps + 1).
     """
 
+    motor: Drive
     samples: Vector
     motor_half: Vector
 
@@ -61,7 +64,7 @@ def relogged(run: PreparedRun) -> Relogged | None:
         noise = motor.noise * np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size)
         samples.append(estimated_input(motor.samples + noise, rate, motor.noise))
         halves.append(run.motor_half + bandlimited(samples[-1] - motor.samples, rate, start)(half))
-    return Relogged(np.stack(samples), np.stack(halves))
+    return Relogged(motor, np.stack(samples), np.stack(halves))
 
 
 Relogs = dict[int, Relogged]  # by position in an objective
@@ -75,11 +78,8 @@ def relogs(objective: Objective) -> Relogs:
 
 def _driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:
     """The run as the log of a turn would drive it."""
-    motor = run.motor
-    if motor is None:  # pragma: no cover - relogs are of runs that a log drives
-        return run
-    samples = relog.samples[turn]
-    drive = replace(motor, samples=samples, signal=bandlimited(samples, motor.signal.rate, motor.signal.start))
+    samples, logged = relog.samples[turn], relog.motor.signal
+    drive = replace(relog.motor, samples=samples, signal=bandlimited(samples, logged.rate, logged.start))
     return replace(run, motor=drive, motor_half=relog.motor_half[turn])
 
 

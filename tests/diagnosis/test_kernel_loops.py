@@ -1,0 +1,74 @@
+"""Hysteresis in the compiled joint: rate-independent, dissipative, and Bouc and Wen's equation where it has a shape."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.kernel import laws as k_laws
+
+sys.path.insert(0, str(Path(__file__).parent))
+from packed_joint import packed, run  # type: ignore[import-not-found]
+
+
+@pytest.mark.parametrize("kind", [k.DAHL, k.BOUC_WEN, k.MAXWELL_SLIP, k.ELASTIC_SLIP])
+def test_hysteresis_is_rate_independent_dissipates_and_starts_stiff(kind):
+    """The loop in (Delta, T) is the same at any rate, has an area above zero and the initial slope K + T/D."""
+    area = []
+    for f in (1.0, 7.0):
+        P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-4, HYST_KIND=kind, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12)
+        _, out = run(P, S, y=lambda t, f=f: 1e-3 * np.sin(2 * np.pi * f * t), duration=2 / f, rate=4096.0 * f)
+        delta = out[:, k.X_QS] - out[:, k.X_Q]
+        T = out[:, k.X_TS]
+        last = len(T) // 2
+        area.append(np.trapezoid(T[last:], delta[last:]))
+        slope = (T[20] - T[0]) / (delta[20] - delta[0])
+        assert slope == pytest.approx(1.9e5 + 1e5, rel=0.08 if kind == k.DAHL else 0.03)
+        assert np.max(np.abs(T - 1.9e5 * delta)) <= 10.0 * 1.0001
+    assert area[0] > 0.0
+    assert area[1] == pytest.approx(area[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("shape", [-1.4, -1.0, -0.3, 1.0])
+@pytest.mark.parametrize(("z", "travel"), [(0.0, 1.7), (-0.6, 2.2), (0.4, -0.9), (0.5, 0.2)])
+def test_a_shaped_loop_is_bouc_and_wens(shape, z, travel):
+    """z' = 1 - |z| (sgn(z x') + shape) per travel x, by Euler's steps."""
+    steps = 200_000
+    h = travel / steps
+    value = z
+    for _ in range(steps):
+        value += h * (1.0 - abs(value) * (np.sign(value * travel) + shape))
+    assert k_laws.hysteresis(z, travel * 1e-5, 1e-5, k.BOUC_WEN_SHAPED, shape) == pytest.approx(value, abs=3e-5)
+
+
+@pytest.mark.parametrize("travel", [0.3e-5, -2e-5])
+def test_a_loop_of_shape_zero_is_dahls(travel):
+    assert k_laws.hysteresis(0.3, travel, 1e-5, k.BOUC_WEN_SHAPED, 0.0) == pytest.approx(
+        k_laws.hysteresis(0.3, travel, 1e-5, k.DAHL, 0.0), rel=1e-12
+    )
+
+
+def test_a_loop_of_shape_below_minus_one_stiffens_and_dissipates():
+    """The tangent at the turning point is steeper than at the start, and the loop still has an area."""
+    P, S = packed(
+        HYST_TORQUE=10.0, HYST_ANGLE=1e-3, HYST_KIND=k.BOUC_WEN_SHAPED, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12
+    )
+    P[k.HYST_SHAPE] = -1.4
+    _, out = run(P, S, y=lambda t: 1e-3 * np.sin(2 * np.pi * t), duration=2.0, rate=4096.0)
+    delta, T = out[:, k.X_QS] - out[:, k.X_Q], out[:, k.X_TS]
+    slope = np.gradient(T, delta)
+    assert slope[900] > 1.9e5 + 1.2e4 > 1.9e5 + 1.05e4 > slope[10]
+    assert np.trapezoid(T[4096:], delta[4096:]) > 0.0
+
+
+def test_hysteresis_within_its_yield_angle_is_a_spring():
+    """Before any element slips a Maxwell-slip joint is only stiffer: no loss."""
+    P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-2, HYST_KIND=k.MAXWELL_SLIP)
+    w = math.sqrt((1.9e5 + 1e3) / 3.0)
+    t, out = run(P, S, x=(0, 0, 0, 1e-4 * w), duration=0.5)
+    np.testing.assert_allclose(out[:, k.X_Q], 1e-4 * np.sin(w * t), atol=1e-8)
