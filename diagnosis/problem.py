@@ -206,6 +206,7 @@ class Scales:
         acceleration: Peak linear (or angular) acceleration over the accelerometers [their unit]; 0 without.
         frequency: Resonance of the arm on the held motor [Hz].
         angle_low, angle_high: Range of arm angles [rad].
+        held_low, held_high: The same of the runs whose motor is held; both 0 without any.
         wind_up_low, wind_up_high: Range of wind-up, weight included [rad].
         duration: Longest run [s].
     """
@@ -222,6 +223,8 @@ class Scales:
     frequency: float
     angle_low: float
     angle_high: float
+    held_low: float
+    held_high: float
     wind_up_low: float
     wind_up_high: float
     duration: float

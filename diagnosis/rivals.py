@@ -48,8 +48,8 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "dahl": ("bouc-wen-shaped",),
     "bouc-wen": ("bouc-wen-shaped",),
     "plain": ("presliding",),
-    "presliding": ("presliding-asymmetric",),
-    "bristles": ("bristles-asymmetric",),
+    "presliding": ("presliding-asymmetric", "presliding-damped"),
+    "bristles": ("bristles-asymmetric", "bristles-damped"),
     "cubic": ("piecewise-cubic",),
     "piecewise": ("piecewise-cubic",),
     "motor-order": ("motor-order-harmonic",),
@@ -118,7 +118,7 @@ def strangers(
 def grown(
     objective: Objective, base: Fit, leader: Hypothesis, candidates: Sequence[ActiveEffect], effort: Effort
 ) -> list[Hypothesis]:
-    """Fit the laws that contain a law of the leader, from the very force that it found.
+    """Fit the laws that contain a law of the leader, from the very force that it found; a stop also in other places.
 
     A Stribeck friction that starts elsewhere ends above the Coulomb friction that it contains.
     """
@@ -133,7 +133,7 @@ def grown(
         if any(t.spec.parameters[0].name != place.spec.parameters[0].name for t in trials):
             trials = []
         trials.extend(_same_shape(trials, place.effect))
-        for group in (trials, *_freer(candidates, place.effect)):
+        for group in (trials, *_freer(candidates, place.effect), *_elsewhere(candidates, place.effect)):
             if not group:
                 continue
             active = _nearest(objective, place.theta, place.others, group)
@@ -235,6 +235,8 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
     wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
     alike = _same_numbers(wider, leader)
+    if not leader.spec.sensible(leader.values):  # what it lacks has bent its own numbers
+        alike += [_with_force(trial, leader.values[0]) for trial in wider]
     for active in alike:
         groups.setdefault(id(active.spec), []).append(active)
     slower = [
@@ -244,6 +246,14 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
         for k in (2, 3)
     ]
     return [*groups.values(), *(trials for trials in slower if trials)]
+
+
+def _elsewhere(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
+    """Of an effect of one place, trials to either side of where it was found: each place is a valley of its own."""
+    if not leader.spec.local:
+        return []
+    own, found = [c for c in candidates if c.spec is leader.spec], leader.values[0]
+    return [[c for c in own if c.values[0] < found], [c for c in own if c.values[0] > found]]
 
 
 def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:

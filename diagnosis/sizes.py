@@ -8,21 +8,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis import kernel
-from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.assembly import BASE_INDEX, OBSERVER_HZ
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.predict import build, integrate
 from jointscope.diagnosis.problem import Scales
+from jointscope.recordings.drift import drift_free
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.problem import PreparedRun, Problem
 
     Vector = NDArray[np.float64]
 
 
 def unit_scales() -> Scales:
-    return Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, -1.0, 1.0, 1.0)
+    return Scales(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 0.0, -1.0, 1.0, 1.0)
+
+
+def _where_known(run: PreparedRun, q: Vector) -> Vector:
+    """The arm's angle; in an open sweep whose angles nobody recorded without the drift that a model invents, same shape."""
+    adrift = run.run.experiment == "torque-sweep" and run.motor_moves and run.observed is None
+    return drift_free(q, OBSERVER_HZ, run.grid_rate) if adrift else q
 
 
 def typical_sizes(problem: Problem, base: Vector) -> Scales:
@@ -31,6 +38,7 @@ def typical_sizes(problem: Problem, base: Vector) -> Scales:
         ("torque", "wind_up", "rate", "speed", "motor_speed", "travel", "motor", "load", "acc", "time"), 1e-12
     )
     low, high = math.inf, -math.inf
+    held_low, held_high = math.inf, -math.inf
     soft, hard = math.inf, -math.inf
     for run in problem.runs:
         states = integrate(build(run, base, (), problem))
@@ -38,7 +46,7 @@ def typical_sizes(problem: Problem, base: Vector) -> Scales:
             continue
         spring = states[:, kernel.X_TS]
         delta = states[:, kernel.X_QS] - states[:, kernel.X_Q]
-        q = states[:, kernel.X_Q]
+        q = _where_known(run, states[:, kernel.X_Q])
         found = {
             "torque": np.ptp(spring) / 2.0 if run.spring else np.max(np.abs(run.load_half + run.motor_half)),
             "wind_up": np.ptp(delta) / 2.0,
@@ -53,6 +61,8 @@ def typical_sizes(problem: Problem, base: Vector) -> Scales:
         }
         peak = {name: max(peak[name], float(value)) for name, value in found.items()}
         low, high = min(low, float(q.min())), max(high, float(q.max()))
+        if run.spring and not run.motor_moves:
+            held_low, held_high = min(held_low, float(q.min())), max(held_high, float(q.max()))
         if run.spring:
             soft, hard = min(soft, float(delta.min())), max(hard, float(delta.max()))
     frequency = math.sqrt(base[BASE_INDEX["stiffness"]] / base[BASE_INDEX["load_inertia"]]) / (2.0 * math.pi)
@@ -69,6 +79,8 @@ def typical_sizes(problem: Problem, base: Vector) -> Scales:
         frequency=frequency,
         angle_low=low if math.isfinite(low) else 0.0,
         angle_high=high if math.isfinite(high) else 0.0,
+        held_low=held_low if math.isfinite(held_low) else 0.0,
+        held_high=held_high if math.isfinite(held_high) else 0.0,
         wind_up_low=soft if math.isfinite(soft) else 0.0,
         wind_up_high=hard if math.isfinite(hard) else 0.0,
         duration=peak["time"],

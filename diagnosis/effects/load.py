@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 
 SOFTEST_STOP = 0.01  # of the smallest size, below which a stop stops nothing
+STOPS = (5e-4, 5e-3, 0.015, 0.03, 0.12, 0.3, 0.5)  # of the travel, inward of its end, where a stop is sought
+STOPS_OF_HITS = (0.03, 0.12, 0.3, 0.5)  # of where hits reach to
+FEW = 0.7  # of the travel, below which hits reach to places of their own
 INCLINED = 2.0  # rad: little beyond a right angle, so that the moment and not the phase carries the sign
 
 
@@ -124,11 +127,19 @@ def _stop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 def _stop_starts(side: float) -> Starts:
+    """Places inward of the end of the travel, and of where hits on the held joint reach to."""
+
     def starts(problem: Problem) -> tuple[Values, ...]:
         s = problem.scales
-        edge = s.angle_high if side > 0.0 else s.angle_low
         loss = 0.3 / max(s.speed, 1e-9)
-        return tuple((edge - side * share * s.travel, loss) for share in (5e-4, 5e-3, 0.015, 0.03, 0.12, 0.3, 0.5))
+        ranges: dict[tuple[float, float], tuple[float, ...]] = {(s.angle_low, s.angle_high): STOPS}
+        if 0.0 < s.held_high - s.held_low < FEW * s.travel:
+            ranges[s.held_low, s.held_high] = STOPS_OF_HITS
+        return tuple(
+            ((high if side > 0.0 else low) - side * share * (high - low), loss)
+            for (low, high), shares in ranges.items()
+            for share in shares
+        )
 
     return starts
 

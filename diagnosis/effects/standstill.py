@@ -5,15 +5,18 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
     T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
 
-Each is the sharp law of ``friction`` with one parameter more; with presliding too g may have the factor 1 +- asymmetry.
+Each is the sharp law of ``friction`` with one parameter more; with presliding too g may have the factor 1 +- asymmetry,
+or the bristles a damping of their own, which adds sigma_1 w (1 - T_f sgn(w)/(T g)) (LuGre).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects import friction
 from jointscope.diagnosis.effects.friction import excess, top_speed
 from jointscope.diagnosis.effects.spec import (
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 
 
 SHORT = 0.02  # of the wind-up, over which friction builds up that is no hysteresis of a spring
+DAMPED = 0.2  # of sqrt(sigma_0 J), at which the search for a bristle's own damping begins
 STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
 
 _ROUND_M = (
@@ -104,6 +108,16 @@ def _bristles(location: str) -> Apply:
         _presliding(location)(assembly, (torque, *build_up), weight)
         assembly.P[kernel.PRE_EXCESS] = excess(torque, breakaway)
         assembly.P[kernel.PRE_SPEED] = speed
+
+    return apply
+
+
+def _damped(even: Apply) -> Apply:
+    """``even`` with a last value more, the bristles' own damping [N m s/rad]."""
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        even(assembly, values[:-1], weight)
+        assembly.P[kernel.PRE_DAMPING] = values[-1] / max(values[0], 1e-12)
 
     return apply
 
@@ -216,6 +230,40 @@ def _sided_bristles(even: EffectSpec) -> EffectSpec:
     )
 
 
+def _inertia(problem: Problem, location: str) -> float:
+    """Inertia that the friction brakes, at the joint output [kg m^2]."""
+    return float(problem.base.start[BASE_INDEX["motor_inertia" if location == "motor" else "load_inertia"]])
+
+
+def _damped_bristles(even: EffectSpec) -> EffectSpec:
+    """Friction with presliding whose bristles are damped: LuGre's law whole; fitted from where the undamped was found."""
+
+    def critical(problem: Problem, values: Values) -> float:
+        """sqrt(sigma_0 J) of bristles of medium size [N m s/rad]."""
+        torque, angle = even.scale(problem)[1], values[-1]
+        return math.sqrt(torque / angle * _inertia(problem, even.location))
+
+    def starts(problem: Problem) -> tuple[Values, ...]:
+        return tuple((*values, DAMPED * critical(problem, values)) for values in even.starts(problem)[:1])
+
+    def limits(problem: Problem) -> dict[str, tuple[float, float]]:
+        rate = max(run.grid_rate for run in problem.runs)
+        return {
+            **even.limits(problem),
+            "bristle_damping": (0.0, STEEPEST * _inertia(problem, even.location) * rate),
+        }
+
+    return replace(
+        even,
+        variant=f"{even.variant}-damped",
+        parameters=(*even.parameters, ParameterSpec("bristle_damping", "N m s/rad", 0.0, 1e9)),
+        law=f"{even.law}, and the bristles' own damping (LuGre)",
+        apply=_damped(even.apply),
+        starts=starts,
+        limits=limits,
+    )
+
+
 def _sided(rounded: EffectSpec) -> EffectSpec:
     """The same, unlike in the two directions; fitted from where the even one was found, so one start is enough."""
     return replace(
@@ -240,10 +288,12 @@ COULOMB: tuple[EffectSpec, ...] = (
     *(_rounded_coulomb(sharp) for sharp in (*_PLAIN, *_ASYMMETRIC)),
     *_DAHL,
     *(_sided_bristles(even) for even in _DAHL),
+    *(_damped_bristles(even) for even in _DAHL),
 )
 STRIBECK: tuple[EffectSpec, ...] = (
     *_BRISTLES,
     *(_sided_bristles(even) for even in _BRISTLES),
+    *(_damped_bristles(even) for even in _BRISTLES),
     *_ROUNDED,
     *(_sided(rounded) for rounded in _ROUNDED),
 )

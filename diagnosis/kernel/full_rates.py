@@ -11,7 +11,7 @@ from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
 from jointscope.diagnosis.kernel.laws import (
     STRUCTURAL_WIDTH,
     TURN,
-    bristle,
+    bristles,
     elastic,
     friction,
     hysteresis,
@@ -105,7 +105,7 @@ def _rates_source(
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if S[PRE_SITE] == AT_MOTOR:
-        force_m -= P[PRE_TORQUE] * bristle(mem[9], q_s - mem[8], v_s, P)
+        force_m -= bristles(mem[9], q_s - mem[8], v_s, P)
     if P[ROUND_M] != 0.0:
         force_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s)
     level_m = P[FM_LOAD] * abs(T)
@@ -148,7 +148,7 @@ def _rates_source(
     if P[ROUND_L] != 0.0:
         force_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v)
     if S[PRE_SITE] == AT_LOAD:
-        force_l -= P[PRE_TORQUE] * bristle(mem[9], q - mem[8], v, P)
+        force_l -= bristles(mem[9], q - mem[8], v, P)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
         d = q + beta - mem[5]
         if abs(d) > TURN:

@@ -59,6 +59,16 @@ def hysteresis(z: float, d: float, y: float, kind: int, shape: float) -> float:
 
 
 @compiled
+def bristle_end(s: float, v: float, P: Real) -> float:
+    """g(v) of :func:`bristle` in the direction ``s``: the level on which bristles end, over PRE_TORQUE."""
+    level = 1.0
+    if P[PRE_EXCESS] != 0.0:
+        r = v / P[PRE_SPEED]
+        level += P[PRE_EXCESS] * math.exp(-r * r)
+    return float(level * (1.0 + s * P[PRE_SIDED]))
+
+
+@compiled
 def bristle(z: float, d: float, v: float, P: Real) -> float:
     """Dry friction over PRE_TORQUE after a travel ``d`` at speed ``v`` from the state ``z``: built up over PRE_ANGLE.
 
@@ -67,13 +77,22 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
     """
     if d == 0.0:
         return z
-    level = 1.0
-    if P[PRE_EXCESS] != 0.0:
-        r = v / P[PRE_SPEED]
-        level += P[PRE_EXCESS] * math.exp(-r * r)
-    level *= 1.0 + P[PRE_SIDED] if d > 0.0 else 1.0 - P[PRE_SIDED]
-    end = level if d > 0.0 else -level
-    return float(end + (z - end) * math.exp(-abs(d) / (P[PRE_ANGLE] * level)))
+    s = 1.0 if d > 0.0 else -1.0
+    level = bristle_end(s, v, P)
+    return float(s * level + (z - s * level) * math.exp(-abs(d) / (P[PRE_ANGLE] * level)))
+
+
+@compiled
+def bristles(z: float, d: float, v: float, P: Real) -> float:
+    """What bristles resist with after a travel ``d`` at speed ``v`` from the state ``z`` [N m]: LuGre's law.
+
+    sigma_0 y z + sigma_1 y z', with sigma_0 y = PRE_TORQUE and sigma_1 = PRE_TORQUE PRE_DAMPING.
+    """
+    bent = bristle(z, d, v, P)
+    if P[PRE_DAMPING] == 0.0:
+        return float(P[PRE_TORQUE] * bent)
+    s = 1.0 if v > 0.0 else -1.0
+    return float(P[PRE_TORQUE] * (bent + P[PRE_DAMPING] * v * (1.0 - s * bent / bristle_end(s, v, P))))
 
 
 @compiled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
 from jointscope.diagnosis.kernel.laws import (
     STRUCTURAL_WIDTH,
-    bristle,
+    bristles,
     friction,
     hysteresis,
     rounded,
@@ -84,7 +84,7 @@ def _scalar_rates_source(
     if rich and P[ROUND_M] != 0.0:
         net_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s)
     if rich and S[PRE_SITE] == AT_MOTOR:
-        net_m -= P[PRE_TORQUE] * bristle(mem[9], q_s - mem[8], v_s, P)
+        net_m -= bristles(mem[9], q_s - mem[8], v_s, P)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -122,7 +122,7 @@ def _scalar_rates_source(
     if rich and P[ROUND_L] != 0.0:
         net_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v)
     if rich and S[PRE_SITE] == AT_LOAD:
-        net_l -= P[PRE_TORQUE] * bristle(mem[9], q - mem[8], v, P)
+        net_l -= bristles(mem[9], q - mem[8], v, P)
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:

@@ -85,15 +85,25 @@ def hysteresis(law: Law) -> Part:
 def bristles(law: Law) -> Part:
     """T z with the travel over ``angle``: z' = 1 - s z/g, g = (1 + s sided) (1 + excess exp(-(v/speed)^2)).
 
-    LuGre without its damping.
+    And ``damping`` v (1 - s z/g): LuGre's law.
     """
     excess, speed, sided = float(law["excess"]), float(law["speed"]), float(law.get("sided", 0.0))
+    torque, damping = float(law["torque"]), float(law.get("damping", 0.0))
+
+    def end(sign: float, rate: float) -> float:
+        return (1.0 + math.copysign(sided, sign)) * (1.0 + excess * math.exp(-((rate / speed) ** 2)))
 
     def follow(z: float, travel: float, rate: float) -> float:
-        g = (1.0 + math.copysign(sided, travel)) * (1.0 + excess * math.exp(-((rate / speed) ** 2)))
+        g = end(travel, rate)
         return g * _dahl(z / g, travel / g)
 
-    return _by_travel(law, follow)
+    elastic = _by_travel(law, follow)
+
+    def part(t: float, position: float, rate: float) -> float:
+        bent = elastic(t, position, rate)
+        return bent + damping * rate * (1.0 - math.copysign(bent, bent * rate) / (torque * end(rate, rate)))
+
+    return part if damping > 0.0 and torque > 0.0 else elastic
 
 
 def _by_travel(law: Law, follow: Callable[[float, float, float], float]) -> Part:

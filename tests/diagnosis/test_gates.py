@@ -346,6 +346,8 @@ def test_an_envelope_of_noise_says_nothing_of_the_model(error, innovation, grows
         (0.0, 0.013, 0.005, "unknown"),  # what runs have in common is left as it was
         (0.0, 0.013, 0.085, "effects"),  # something faint is left in hits, beside a strong effect of motions
         (0.4, 0.013, 0.085, "unknown"),  # it acts there, and most is left
+        (0.58, 0.013, 0.085, "unknown"),  # less than three fifths of it explained
+        (0.62, 0.013, 0.005, "effects"),
         (0.9, 0.013, 0.005, "effects"),
         (0.0, 0.008, 0.005, "effects"),
     ],

@@ -320,6 +320,26 @@ def test_bristles_end_on_the_curve_of_their_speed_and_without_breakaway_are_dahl
     )
 
 
+def test_damped_bristles_ring_as_a_damped_spring_and_slide_as_undamped_ones():
+    """LuGre: within the bristles J q'' + sigma_1 q' + sigma_0 q = 0; in steady sliding sigma_1 says nothing."""
+    J, T, y, damping, n = 2.0, 30.0, 1e-3, 200.0, 4096
+    P, S = packed(K=0.0, C=0.0, J_L=J, PRE_TORQUE=T, PRE_ANGLE=y, PRE_DAMPING=damping / T)
+    S[k.PRE_SITE] = k.AT_LOAD
+    w0 = np.sqrt(T / y / J)
+    zeta = damping / (2.0 * J * w0)
+    w = w0 * np.sqrt(1.0 - zeta**2)
+    v0 = 1e-5 * w0  # a hundredth of the angle over which they bend
+    t, out = run(P, S, x=(0, 0, 0, v0), duration=0.1, rate=float(n))
+    expected = v0 / w * np.exp(-zeta * w0 * t) * np.sin(w * t)
+    assert np.max(np.abs(out[:, k.X_Q] - expected)) < 0.012 * np.max(np.abs(expected))
+    P, S = packed(
+        K=0.0, J_L=1e6, PRE_TORQUE=T, PRE_ANGLE=1e-5, PRE_DAMPING=damping / T, PRE_EXCESS=0.5, PRE_SPEED=0.02
+    )
+    S[k.PRE_SITE] = k.AT_LOAD
+    _, out = run(P, S, x=(0, 0, 0, 0.02), duration=0.5)
+    assert -1e6 * out[-1, k.X_A] == pytest.approx(T * (1.0 + 0.5 * np.exp(-1.0)), rel=1e-3)
+
+
 def test_rounded_stribeck_follows_its_curve_on_either_side_and_in_either_stepper():
     """-J a = T [1 + e exp(-(v/v_s)^2)] tanh(v/w_e) at any speed, odd in it; no excess is the rounded Coulomb law."""
     T, e, v_s, w_e = 30.0, 0.5, 0.02, 0.004

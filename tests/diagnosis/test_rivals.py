@@ -2,6 +2,7 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,7 @@ from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.rivals import _elsewhere, _freer
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
 
@@ -181,3 +183,36 @@ def test_a_mode_is_not_damped_like_a_loss(problem):
         for parameter in spec.parameters:
             if spec.family == "mode" and parameter.name == "damping" and spec.name != "sensor-resonance":
                 assert parameter.upper <= 0.2 + math.ulp(0.2)
+
+
+def test_a_stop_is_also_sought_to_either_side_of_where_it_was_found(problem):
+    stop = law(problem, "end-stop", "upper")
+    trials = [ActiveEffect(stop, (angle, 1e3, 1.0)) for angle in (-2e-3, 0.0, 1e-3)]
+    below, above = _elsewhere(trials, ActiveEffect(stop, (5e-4, 1e4, 2.0)))
+    assert [t.values[0] for t in below] == [-2e-3, 0.0]
+    assert [t.values[0] for t in above] == [1e-3]
+    drag = law(problem, "quadratic-damping", "drag")
+    assert _elsewhere([ActiveEffect(drag, (1.0,))], ActiveEffect(drag, (2.0,))) == []
+
+
+def test_a_law_bent_by_what_it_lacks_lends_its_force_only(problem):
+    """A Stribeck friction that rises with speed is the damping of the bristles: the whole law starts from a sensible one."""
+    bristles, damped = (
+        law(problem, "stribeck-friction", variant, "load") for variant in ("bristles", "bristles-damped")
+    )
+    trial = ActiveEffect(damped, (1.0, 1.4, 0.01, 1e-5, 20.0))
+    bent = ActiveEffect(bristles, (0.3, 0.1, 0.003, 3e-6))
+    (group,) = _freer([trial], bent)
+    assert [t.values[:2] for t in group] == [(0.3, 0.1), (0.3, pytest.approx(0.42))]
+    (group,) = _freer([trial], ActiveEffect(bristles, (0.3, 0.4, 0.003, 3e-6)))
+    assert [t.values[:4] for t in group] == [(0.3, 0.4, 0.003, 3e-6)]
+
+
+def test_a_stop_is_sought_where_hits_reach_to_and_not_where_a_model_drifts_to(problem):
+    """Scales of a sweep that wandered by a quarter radian in the model, beside hits of a milliradian."""
+    stop = law(problem, "end-stop", "upper")
+    sizes = replace(problem.scales, angle_low=-1.0, angle_high=1.0, travel=2.0, held_low=-1e-3, held_high=2e-3)
+    places = {values[0] for values in stop.starts(replace(problem, scales=sizes))}
+    assert sum(-1e-3 < place < 2e-3 for place in places) == 4 + 1  # and the middle of the travel
+    sizes = replace(sizes, held_low=0.0, held_high=0.0)
+    assert len({values[0] for values in stop.starts(replace(problem, scales=sizes))}) == 7
