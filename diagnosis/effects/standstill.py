@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 
 SHORT = 0.02  # of the wind-up, over which friction builds up that is no hysteresis of a spring
+SHORT_OF_FALLING = 0.05  # the same of friction that falls with speed, as no hysteresis does
 DAMPED = 0.2  # of sqrt(sigma_0 J), at which the search for a bristle's own damping begins
 STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
 
@@ -127,10 +128,12 @@ def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
     return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in shares)
 
 
-def _presliding_limits(sharp: EffectSpec) -> Limits:
+def _presliding_limits(sharp: EffectSpec, short: float = SHORT) -> Limits:
+    """Bounds of the sharp law, and of the angle: on a held joint at most the share ``short`` of the wind-up."""
+
     def limits(problem: Problem) -> dict[str, tuple[float, float]]:
         wind_up = max(problem.scales.wind_up, 1e-9)
-        longest = SHORT if held(problem) else 3.0
+        longest = short if held(problem) else 3.0
         return {**sharp.limits(problem), "presliding": (1e-3 * wind_up, longest * wind_up)}
 
     return limits
@@ -200,7 +203,7 @@ def _stribeck_on_bristles(sharp: EffectSpec) -> EffectSpec:
             (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in _presliding_angles(problem)
         ),
         possible=_elastic(sharp.location),
-        limits=_presliding_limits(sharp),
+        limits=_presliding_limits(sharp, SHORT_OF_FALLING),
     )
 
 

@@ -111,5 +111,5 @@ def power_curve(curves: Mapping[str, Sequence[Mapping[str, float]]], path: Path)
             axes.axvline(edge, color=QUIET, linewidth=0.8, linestyle=":", zorder=0)
             axes.annotate(name, (edge, 1.03), xytext=(3, 2), textcoords="offset points", fontsize=7, color=QUIET)
     if any(curves.values()):
-        axes.legend(loc="lower right")
+        figure.legend(loc="outside lower center", ncols=len(curves))  # the curves fill the axes
     _save(figure, path)
