@@ -34,7 +34,8 @@ REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own 
 NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
-REAL_PICKED = 60.0  # of an order that was picked out of all orders, a stop's place out of all of the travel
+REAL_PICKED = 60.0  # of an order that was picked out of all orders
+REAL_PLACE = 120.0  # of a stop's place, which is sought in all of a travel and once more to either side
 REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
@@ -298,10 +299,13 @@ def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
 
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
     """Whether an order picked out of hundreds, or a place out of all of a travel, gains more than the best by chance."""
-    specs = child.hypothesis.specs
-    picked = {f"{s.name}@{s.location}" for s in specs if s.family == "periodic" or s.local}
-    without = [part for part in parts if picked - set(part.names)]
-    return not picked or all(compare(judgement, part, child).gain > REAL_PICKED for part in without)
+    asked = {f"{s.name}@{s.location}": REAL_PICKED for s in child.hypothesis.specs if s.family == "periodic"}
+    asked |= {f"{s.name}@{s.location}": REAL_PLACE for s in child.hypothesis.specs if s.local}
+    for part in parts:
+        picked = [least for name, least in asked.items() if name not in part.names]
+        if picked and compare(judgement, part, child).gain <= max(picked):
+            return False
+    return True
 
 
 def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
@@ -316,10 +320,11 @@ def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> b
 
 
 def standing(judgement: Judgement) -> list[Judged]:
-    """Hypotheses that stand over the base and over every fitted part of themselves, best score first."""
+    """Hypotheses that stand over the base and over the best law of every fitted part of themselves, best score first."""
     found = []
+    best = {j.names: j for j in sorted(judgement.judged, key=lambda j: score(judgement, j))}
     for child in judgement.judged[1:]:
-        parts = [p for p in judgement.judged if set(p.names) < set(child.names)]
+        parts = [part for names, part in best.items() if set(names) < set(child.names)]
         alone = max((len(p.names) for p in parts), default=0) + 1 < len(child.names)
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import (
     PROFILED,
     REAL_PICKED,
+    REAL_PLACE,
     REAL_SORTED,
     REAL_UNREVEALED,
     UNREACHED,
@@ -244,6 +245,8 @@ def clearance(yard: Yard, spec: EffectSpec, found: Seen) -> tuple[float, str]:
     asked = yard.asked
     if spec.family == "periodic":
         asked = max(asked, REAL_PICKED)
+    if spec.local:
+        asked = max(asked, REAL_PLACE)
     if spec.run_weights is not None:
         asked = max(asked, REAL_SORTED)
     if "free" not in experiments and not experiments & set(spec.revealed_by):

@@ -6,7 +6,7 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
 
 Each is the sharp law of ``friction`` with one parameter more; with presliding too g may have the factor 1 +- asymmetry,
-or the bristles a damping of their own, which adds sigma_1 w (1 - T_f sgn(w)/(T g)) (LuGre).
+or the bristles a damping of their own, which adds sigma_1 w (1 - T_f sgn(w)/(T g)), sigma_1 = sigma_0 t, sigma_0 = T/y (LuGre).
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 SHORT = 0.02  # of the wind-up, over which friction builds up that is no hysteresis of a spring
 SHORT_OF_FALLING = 0.05  # the same of friction that falls with speed, as no hysteresis does
-DAMPED = 0.2  # of sqrt(sigma_0 J), at which the search for a bristle's own damping begins
+DAMPED = 0.2  # of sqrt(J/sigma_0), at which the search for sigma_1/sigma_0 begins
+SLOWEST_BRISTLES = 0.02  # s: sigma_1/sigma_0; in the literature it is milliseconds
 STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
 
 _ROUND_M = (
@@ -113,12 +114,15 @@ def _bristles(location: str) -> Apply:
     return apply
 
 
-def _damped(even: Apply) -> Apply:
-    """``even`` with a last value more, the bristles' own damping [N m s/rad]."""
+def _damped(even: EffectSpec) -> Apply:
+    """``even`` with a last value more, the time sigma_1/sigma_0 in which its bristles follow [s]."""
+    place = next(i for i, p in enumerate(even.parameters) if p.name == _PRESLIDING.name)
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        even(assembly, values[:-1], weight)
-        assembly.P[kernel.PRE_DAMPING] = values[-1] / max(values[0], 1e-12)
+        even.apply(assembly, values[:-1], weight)
+        inertia = assembly.P[kernel.J_M if even.location == "motor" else kernel.J_L]
+        steepest = STEEPEST * inertia * assembly.run.grid_rate / max(values[0], 1e-12)
+        assembly.P[kernel.PRE_DAMPING] = min(values[-1] / values[place], steepest)
 
     return apply
 
@@ -233,37 +237,22 @@ def _sided_bristles(even: EffectSpec) -> EffectSpec:
     )
 
 
-def _inertia(problem: Problem, location: str) -> float:
-    """Inertia that the friction brakes, at the joint output [kg m^2]."""
-    return float(problem.base.start[BASE_INDEX["motor_inertia" if location == "motor" else "load_inertia"]])
-
-
 def _damped_bristles(even: EffectSpec) -> EffectSpec:
     """Friction with presliding whose bristles are damped: LuGre's law whole; fitted from where the undamped was found."""
 
-    def critical(problem: Problem, values: Values) -> float:
-        """sqrt(sigma_0 J) of bristles of medium size [N m s/rad]."""
-        torque, angle = even.scale(problem)[1], values[-1]
-        return math.sqrt(torque / angle * _inertia(problem, even.location))
-
     def starts(problem: Problem) -> tuple[Values, ...]:
-        return tuple((*values, DAMPED * critical(problem, values)) for values in even.starts(problem)[:1])
-
-    def limits(problem: Problem) -> dict[str, tuple[float, float]]:
-        rate = max(run.grid_rate for run in problem.runs)
-        return {
-            **even.limits(problem),
-            "bristle_damping": (0.0, STEEPEST * _inertia(problem, even.location) * rate),
-        }
+        inertia = problem.base.start[BASE_INDEX["motor_inertia" if even.location == "motor" else "load_inertia"]]
+        torque, values = even.scale(problem)[1], even.starts(problem)[0]
+        ring = math.sqrt(values[-1] / torque * float(inertia))
+        return ((*values, min(DAMPED * ring, 0.5 * SLOWEST_BRISTLES)),)
 
     return replace(
         even,
         variant=f"{even.variant}-damped",
-        parameters=(*even.parameters, ParameterSpec("bristle_damping", "N m s/rad", 0.0, 1e9)),
-        law=f"{even.law}, and the bristles' own damping (LuGre)",
-        apply=_damped(even.apply),
+        parameters=(*even.parameters, ParameterSpec("bristle_time", "s", 0.0, SLOWEST_BRISTLES)),
+        law=f"{even.law}, and a damping sigma_1 = bristle_time T_c/y of the bristles themselves (LuGre)",
+        apply=_damped(even),
         starts=starts,
-        limits=limits,
     )
 
 

@@ -3,7 +3,7 @@ r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damp
 T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
 b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the speed, exactly
 dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y, g unlike in the two directions,
-with sigma_1 w (1 - T_f sgn(w)/(T g)) beside it where the bristles are damped (LuGre)
+with sigma_1 w (1 - T_f sgn(w)/(T g)) beside it where the bristles are damped (LuGre), sigma_1 = bristle_time T/y
 T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e): a table over the speed
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
@@ -79,7 +79,7 @@ def _creeping(
 
 def _bristles(building: Building, location: str, p: Parameters, excess: float, speed: float) -> None:
     at, angle, sided = "load" if building.single else location, p["presliding"], p.get("asymmetry", 0.0)
-    damping = p.get("bristle_damping", 0.0)
+    damping = p.get("bristle_time", 0.0) * p["torque"] / angle
     building.law(
         "bristles",
         at=at,

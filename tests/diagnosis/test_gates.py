@@ -384,7 +384,7 @@ def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, explai
 
 
 @pytest.mark.parametrize(
-    ("local", "gain", "stays"), [(True, 40.0, False), (True, 80.0, True), (False, 40.0, True)]
+    ("local", "gain", "stays"), [(True, 100.0, False), (True, 140.0, True), (False, 40.0, True)]
 )
 def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, stays):
     """A stop may be sought anywhere: the best of all places gains more than one that was known."""

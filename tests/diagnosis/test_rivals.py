@@ -200,7 +200,7 @@ def test_a_law_bent_by_what_it_lacks_lends_its_force_only(problem):
     bristles, damped = (
         law(problem, "stribeck-friction", variant, "load") for variant in ("bristles", "bristles-damped")
     )
-    trial = ActiveEffect(damped, (1.0, 1.4, 0.01, 1e-5, 20.0))
+    trial = ActiveEffect(damped, (1.0, 1.4, 0.01, 1e-5, 2e-3))
     bent = ActiveEffect(bristles, (0.3, 0.1, 0.003, 3e-6))
     (group,) = _freer([trial], bent)
     assert [t.values[:2] for t in group] == [(0.3, 0.1), (0.3, pytest.approx(0.42))]

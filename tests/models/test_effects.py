@@ -34,7 +34,7 @@ CATALOGUE = [
     ("stribeck-friction", "motor", "bristles",
      {"torque": 20.0, "breakaway": 30.0, "stribeck_velocity": 0.02, "presliding": 1e-5}, "torque", 0.0),
     ("stribeck-friction", "load", "bristles-damped",
-     {"torque": 2.0, "breakaway": 3.0, "stribeck_velocity": 0.02, "presliding": 1e-5, "bristle_damping": 40.0},
+     {"torque": 2.0, "breakaway": 3.0, "stribeck_velocity": 0.02, "presliding": 1e-5, "bristle_time": 2e-4},
      "torque", 0.0),
     ("coulomb-friction", "motor", "presliding", {"torque": 20.0, "presliding": 1e-5}, "torque", 0.0),
     ("coulomb-friction", "motor", "presliding-asymmetric", {"torque": 20.0, "presliding": 1e-5, "asymmetry": 0.1},
