@@ -332,7 +332,7 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         if any(_rings(judgement, child, part) for part in parts):
             continue
-        if not all(a.spec.sensible(a.values) for a in child.fit.coordinates.unpack(child.fit.x)[1]):
+        if not child.hypothesis.sensible:
             continue
         sorted_runs = [spec.name for spec in child.hypothesis.specs if spec.run_weights is not None]
         without = [p for p in parts if not any(n.partition("@")[0] in sorted_runs for n in p.names)]

@@ -133,11 +133,15 @@ def grown(
         if any(t.spec.parameters[0].name != place.spec.parameters[0].name for t in trials):
             trials = []
         trials.extend(_same_shape(trials, place.effect))
-        for group in (trials, *_freer(candidates, place.effect), *_elsewhere(candidates, place.effect)):
+        for group in (trials, *_freer(candidates, place.effect)):
             if not group:
                 continue
             active = _nearest(objective, place.theta, place.others, group)
             found.extend(_in_place(objective, base, place, active, effort))
+        blind = all(run.observed is None for run in objective.problem.runs)
+        for group in filter(None, _elsewhere(candidates, place.effect) if blind else ()):
+            active = _nearest(objective, place.theta, place.others, group)
+            found.extend(h for h in _in_place(objective, base, place, active, effort) if h.sensible)
     return found
 
 
@@ -249,7 +253,10 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
 
 
 def _elsewhere(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
-    """Of an effect of one place, trials to either side of where it was found: each place is a valley of its own."""
+    """Of an effect of one place, trials to either side of where it was found.
+
+    Where nobody recorded where the arm was, each place is a valley of its own.
+    """
     if not leader.spec.local:
         return []
     own, found = [c for c in candidates if c.spec is leader.spec], leader.values[0]

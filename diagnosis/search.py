@@ -90,6 +90,11 @@ class Hypothesis:
     loss: float
 
     @property
+    def sensible(self) -> bool:
+        """Whether every effect's numbers are such as its name has."""
+        return all(a.spec.sensible(a.values) for a in self.fit.coordinates.unpack(self.fit.x)[1])
+
+    @property
     def names(self) -> tuple[str, ...]:
         """``effect@location`` of each effect, sorted, without repeats."""
         return names_of(self.specs)
