@@ -37,6 +37,7 @@ from jointscope.sim.concealed.yardstick import changed
 
 KINDS: Final = ("same", "parameters", "lacks", "holds")
 OFF: Final = {"stiffness": 0.15, "load_inertia": 0.10}  # of the logarithm, in the simulator of wrong parameters
+STATED: Final = {"stiffness": "stiffness", "load_inertia": "inertia"}  # what diagnosis.json calls them
 TOLD: Final = 15.0  # z_d of an effect that either side holds
 DRAWN: Final = 12  # effects, until one is told
 WITHIN: Final = 0.03  # of the true ratio, the stated one
@@ -108,9 +109,7 @@ def is_right(
         return False
     if kind != "parameters":
         return kind != "same" or not ratios
-    return all(
-        name in ratios and abs(np.log(ratios[name]) - OFF[name]) < WITHIN for name in ("stiffness", "load_inertia")
-    )
+    return all(said in ratios and abs(np.log(ratios[said]) - OFF[name]) < WITHIN for name, said in STATED.items())
 
 
 def check(seed: int) -> Outcome:

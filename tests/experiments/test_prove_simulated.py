@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointscope.experiments.prove.simulated_check import KINDS, OFF, is_right, write_sides
+from jointscope.experiments.prove.simulated_check import KINDS, OFF, STATED, is_right, write_sides
 from jointscope.recordings.reader import read_campaign
 
-EXACT = {name: float(np.exp(change)) for name, change in OFF.items()}
+EXACT = {STATED[name]: float(np.exp(change)) for name, change in OFF.items()}
 
 
 @pytest.mark.parametrize("kind", ["same", "parameters"])
