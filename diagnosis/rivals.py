@@ -123,6 +123,7 @@ def grown(
     A Stribeck friction that starts elsewhere ends above the Coulomb friction that it contains.
     """
     found: list[Hypothesis] = []
+    blind = all(run.observed is None for run in objective.problem.runs)
     for place in _places(leader):
         wider = {outer for inner, outer in CONTAINED if inner == place.spec.name}
         trials = [
@@ -138,7 +139,6 @@ def grown(
                 continue
             active = _nearest(objective, place.theta, place.others, group)
             found.extend(_in_place(objective, base, place, active, effort))
-        blind = all(run.observed is None for run in objective.problem.runs)
         for group in filter(None, _elsewhere(candidates, place.effect) if blind else ()):
             active = _nearest(objective, place.theta, place.others, group)
             found.extend(h for h in _in_place(objective, base, place, active, effort) if h.sensible)

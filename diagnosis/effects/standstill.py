@@ -116,13 +116,12 @@ def _bristles(location: str) -> Apply:
 
 def _damped(even: EffectSpec) -> Apply:
     """``even`` with a last value more, the time sigma_1/sigma_0 in which its bristles follow [s]."""
-    place = next(i for i, p in enumerate(even.parameters) if p.name == _PRESLIDING.name)
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        torque, angle, time = values[0], values[-2], values[-1]
         even.apply(assembly, values[:-1], weight)
-        inertia = assembly.P[kernel.J_M if even.location == "motor" else kernel.J_L]
-        steepest = STEEPEST * inertia * assembly.run.grid_rate / max(values[0], 1e-12)
-        assembly.P[kernel.PRE_DAMPING] = min(values[-1] / values[place], steepest)
+        slowest = steepest(assembly, even.location, max(torque, 1e-12))
+        assembly.P[kernel.PRE_DAMPING] = min(time / angle, 1.0 / slowest)
 
     return apply
 

@@ -392,3 +392,22 @@ def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, stays):
     child, base = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,))), SimpleNamespace(names=())
     monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain))
     assert adjudicate._beyond_the_search(None, child, [base]) is stays
+
+
+@pytest.mark.parametrize(("over_best", "stands"), [(1.0, True), (0.0, False)])
+def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monkeypatch, over_best, stands):
+    """Beside an inferior law of its part it makes a small share; beside the best law it must stand."""
+    base, inferior, best, pair = (
+        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True))
+        for names in ((), ("a@load",), ("a@load",), ("a@load", "b@motor"))
+    )
+    scores = {id(base): 0.0, id(inferior): 400.0, id(best): 600.0, id(pair): 800.0}
+    fails = replace(FOUND, gain=0.0)
+    over = {id(base): FOUND, id(inferior): fails, id(best): FOUND if over_best else fails}
+    monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
+    monkeypatch.setattr(adjudicate, "compare", lambda _, part, child: over[id(part)] if child is pair else FOUND)
+    monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
+    monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
+    found = adjudicate.standing(SimpleNamespace(base=base, judged=(base, best, inferior, pair)))
+    assert (pair in found) is stands
+    assert best in found and inferior in found
