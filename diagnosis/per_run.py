@@ -38,6 +38,7 @@ CLEAR = 10.0  # ... unless they are this many of their own off: what a payload d
 FEWEST = 4  # runs
 ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
+TRIED = 0.3  # of the size that the runs' own estimates give, and what it is of another, at which a law is tried too
 ASKED = 2  # times that a payload is fitted and every run asked whether it carries it
 
 
@@ -220,7 +221,12 @@ def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
             break
         members = asked
     members = _whole_experiments(stage, laws, members, found.sure, size)
-    return tuple(with_run_weights(spec, _weights(members), problem) for spec in laws)
+    return tuple(_about(with_run_weights(spec, _weights(members), problem), size) for spec in laws)
+
+
+def _about(spec: EffectSpec, size: float) -> EffectSpec:
+    """The law with trials about the size that the runs' own estimates give: one far off slips out of phase."""
+    return replace(spec, scale=lambda problem: (TRIED * size, size, size / TRIED))
 
 
 def _weights(members: NDArray[np.bool_]) -> tuple[float, ...]:
@@ -285,7 +291,9 @@ def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     if "load_inertia" in free:
         found.extend(_payloads(stage, problem))
     if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
-        ranks = drifting(*run_steps(stage, "stiffness"))
+        stiffness, errors = run_steps(stage, "stiffness")
+        ranks = drifting(stiffness, errors)
         if ranks is not None:
-            found.append(with_run_weights(DRIFT_PER_RUN, tuple(float(r) for r in ranks), problem))
+            drift = with_run_weights(DRIFT_PER_RUN, tuple(float(r) for r in ranks), problem)
+            found.append(_about(drift, float(ranks @ stiffness) / float(ranks @ ranks)))
     return tuple(found)

@@ -83,9 +83,9 @@ def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Prob
 
 
 def at_rig(spec: EffectSpec, problem: Problem) -> EffectSpec:
-    """The law with the bounds and units of the rig at hand, and the least size that makes it this effect there."""
+    """The law with the bounds and units of the rig at hand, and what makes it this effect there."""
     limits = spec.limits(problem)
-    sensible = spec.sensible if spec.least is None else partial(_large_enough, spec, spec.least(problem))
+    sensible = spec.sensible if spec.sensible_at is None else partial(_sensible, spec, problem)
     parameters = []
     for parameter in spec.parameters:
         lower, upper = limits.get(parameter.name, (parameter.lower, parameter.upper))
@@ -94,8 +94,8 @@ def at_rig(spec: EffectSpec, problem: Problem) -> EffectSpec:
             for rotational, translational in _TRANSLATIONAL:
                 unit = unit.replace(rotational, translational)
         parameters.append(replace(parameter, lower=lower, upper=upper, unit=unit))
-    return replace(spec, parameters=tuple(parameters), sensible=sensible, least=None)
+    return replace(spec, parameters=tuple(parameters), sensible=sensible, sensible_at=None)
 
 
-def _large_enough(spec: EffectSpec, least: float, values: Values) -> bool:
-    return spec.sensible(values) and values[spec.amplitude] >= least
+def _sensible(spec: EffectSpec, problem: Problem, values: Values) -> bool:
+    return spec.sensible(values) and (spec.sensible_at is None or spec.sensible_at(problem, values))

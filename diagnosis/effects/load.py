@@ -117,6 +117,10 @@ def _stop_sizes(problem: Problem) -> tuple[float, float, float]:
     return 0.02 * stiffness, 0.2 * stiffness, 2.0 * stiffness
 
 
+def _stiff_enough(problem: Problem, values: Values) -> bool:
+    return values[1] >= SOFTEST_STOP * _stop_sizes(problem)[0]
+
+
 def _stop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     s = problem.scales
     return {
@@ -205,7 +209,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_stop_starts(side),
             possible=lambda problem: None,
             limits=_stop_limits,
-            least=lambda problem: SOFTEST_STOP * _stop_sizes(problem)[0],
+            sensible_at=_stiff_enough,
             local=True,
         )
         for variant, side in (("upper", 1.0), ("lower", -1.0))

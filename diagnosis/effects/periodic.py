@@ -100,7 +100,13 @@ def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStar
 
 
 def _of_the_motor(values: Values) -> bool:
-    return abs(values[1] - round(values[1])) < WHOLE
+    return round(values[1]) >= 1 and abs(values[1] - round(values[1])) < WHOLE
+
+
+def _seen_whole(problem: Problem, values: Values) -> bool:
+    """Whether the travel holds a period: less of one is a torque that is constant, or grows, and anyone's."""
+    turn = problem.scales.travel * (problem.rig.reduction_ratio or 1.0)
+    return values[1] * turn >= math.tau
 
 
 def possible_line(*, spring: bool, per_output: bool) -> Possible:
@@ -185,6 +191,7 @@ _PLAIN: tuple[EffectSpec, ...] = (
         limits=_ripple_limits,
         residual_starts=_found(False, "ripple"),
         sensible=_of_the_motor,
+        sensible_at=_seen_whole,
     ),
     EffectSpec(
         name="torque-ripple",
@@ -201,6 +208,7 @@ _PLAIN: tuple[EffectSpec, ...] = (
         possible=possible_line(spring=False, per_output=False),
         residual_starts=_found(False, "ripple"),
         sensible=_of_the_motor,
+        sensible_at=_seen_whole,
     ),
 )
 

@@ -87,7 +87,7 @@ class EffectSpec:
         local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
         exact: Whether nature knows the law in this form only: what it leaves is something else.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
-        least: Amplitude at a rig below which it is not this effect, though its range goes on to nothing.
+        sensible_at: The same at a rig: a stop softer than its arm's noise is none, nor a ripple that no period is seen of.
     """
 
     name: str
@@ -111,7 +111,7 @@ class EffectSpec:
     local: bool = False
     exact: bool = False
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
-    least: Callable[[Problem], float] | None = field(default=None, repr=False)
+    sensible_at: Callable[[Problem, Values], bool] | None = field(default=None, repr=False)
 
     @property
     def of_own_frequency(self) -> bool:
