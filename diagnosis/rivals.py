@@ -48,7 +48,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "dahl": ("bouc-wen-shaped",),
     "bouc-wen": ("bouc-wen-shaped",),
     "plain": ("presliding",),
-    "presliding": ("presliding-asymmetric", "presliding-damped"),
+    "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
     "bristles": ("bristles-asymmetric", "bristles-damped"),
     "cubic": ("piecewise-cubic",),
     "piecewise": ("piecewise-cubic",),

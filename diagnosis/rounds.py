@@ -24,7 +24,7 @@ from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances
-from jointscope.diagnosis.rivals import grown, reshaped, rivals, strangers
+from jointscope.diagnosis.rivals import BEHIND, grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
@@ -138,6 +138,17 @@ def residuals_of(stage: Stage) -> list[list[Vector]]:
     return found
 
 
+def _to_grow(arena: Arena, count: int, grown_already: Sequence[Hypothesis] = ()) -> list[Hypothesis]:
+    """The leading single effects, and the best law of each other name that is not far behind the first."""
+    singles = [h for h in arena.hypotheses if len(h.specs) == 1]
+    first = {h.names: h for h in reversed(singles)}
+    near = singles[0].loss + BEHIND * (arena.base.loss - singles[0].loss) if singles else 0.0
+    named = {h.names for h in singles[:count]}
+    chosen = [*singles[:count], *(h for names, h in first.items() if names not in named and h.loss < near)]
+    done = {id(spec) for h in grown_already for spec in h.specs}
+    return [h for h in chosen if id(h.specs[0]) not in done]
+
+
 def _losses(arena: Arena) -> dict[tuple[str, ...], float]:
     """Loss of the best fit of every set that has the leading set's own laws of what both hold."""
     leader = arena.hypotheses[0]
@@ -207,13 +218,18 @@ def explore(
         return screening, _with_strangers(arena, outside, effort)
     known = _losses(arena)
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
-    for leader in [h for h in arena.hypotheses if len(h.specs) == 1][: effort.beam + 1]:
-        alike.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
+    leaders = _to_grow(arena, effort.beam + 1)
+    wider = [h for leader in leaders for h in grown(arena.objective, arena.base.fit, leader, candidates, effort)]
+    alike.extend(wider)
     alike.extend(
         reshaped(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, arena.hypotheses, effort)
     )
     if alike:
         arena = settled(arena, alike, effort)
+    later = _to_grow(arena, 1, [*leaders, *wider])  # a look-alike of the first may have led to it
+    found = [h for leader in later for h in grown(arena.objective, arena.base.fit, leader, candidates, effort)]
+    if found:
+        arena = settled(arena, found, effort)
     report("fitting pairs")
     distinct = {
         h.names: h for h in reversed(arena.hypotheses)

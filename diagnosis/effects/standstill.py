@@ -2,6 +2,7 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
 
     T_f = T (1 +- asymmetry) tanh(w/w_e)                                Coulomb, rounded
     dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
+    dT_f/dq = (1 - T_f sgn(w)/T)^i T / y                                the same with Dahl's exponent i
     T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
 
@@ -39,6 +40,7 @@ SHORT = 0.02  # of the wind-up, over which friction builds up that is no hystere
 SHORT_OF_FALLING = 0.05  # the same of friction that falls with speed, as no hysteresis does
 DAMPED = 0.2  # of sqrt(J/sigma_0), at which the search for sigma_1/sigma_0 begins
 SLOWEST_BRISTLES = 0.02  # s: sigma_1/sigma_0; in the literature it is milliseconds
+EXPONENTS = (0.05, 2.0)  # of Dahl: nearly a spring that slips at once, and a ductile one
 STEEPEST = 0.7  # of the grid's rate, up to which a rounded friction may damp
 
 _ROUND_M = (
@@ -100,6 +102,14 @@ def _presliding(location: str) -> Apply:
         assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values[:2]
         assembly.P[kernel.PRE_SIDED] = values[2] if len(values) > 2 else 0.0
         assembly.S[kernel.PRE_SITE] = kernel.AT_MOTOR if location == "motor" else kernel.AT_LOAD
+
+    return apply
+
+
+def _shaped(location: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        _presliding(location)(assembly, values[:2], weight)
+        assembly.P[kernel.PRE_BRITTLE] = 1.0 - values[2]
 
     return apply
 
@@ -255,6 +265,18 @@ def _damped_bristles(even: EffectSpec) -> EffectSpec:
     )
 
 
+def _brittle(dahl: EffectSpec) -> EffectSpec:
+    """Presliding with Dahl's exponent, which is below 1 where elements of unlike strength slip one after the other."""
+    return replace(
+        dahl,
+        variant="presliding-shaped",
+        parameters=(*dahl.parameters, ParameterSpec("exponent", "1", *EXPONENTS)),
+        law="dT/dq = (1 - T sgn(w)/T_c)^exponent T_c / y: Coulomb's force, built up elastically over the angle y",
+        apply=_shaped(dahl.location),
+        starts=lambda problem: tuple((*start, 0.5) for start in dahl.starts(problem)[:1]),
+    )
+
+
 def _sided(rounded: EffectSpec) -> EffectSpec:
     """The same, unlike in the two directions; fitted from where the even one was found, so one start is enough."""
     return replace(
@@ -280,6 +302,7 @@ COULOMB: tuple[EffectSpec, ...] = (
     *_DAHL,
     *(_sided_bristles(even) for even in _DAHL),
     *(_damped_bristles(even) for even in _DAHL),
+    *(_brittle(dahl) for dahl in _DAHL),
 )
 STRIBECK: tuple[EffectSpec, ...] = (
     *_BRISTLES,

@@ -20,6 +20,7 @@ import numpy as np
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
+from jointscope.diagnosis.effects.standstill import SHORT, held
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -156,6 +157,11 @@ def _loop_starts(problem: Problem) -> tuple[Values, ...]:
     return tuple((min(torque / (share * a), stiffest),) for share in (0.01, 0.04, 0.12, 0.35, 1.0))
 
 
+def _of_the_spring(problem: Problem, values: Values) -> bool:
+    """Whether it yields over more of the wind-up than dry friction at the arm builds up, which is parallel to a held joint."""
+    return not held(problem) or values[0] >= SHORT * problem.scales.wind_up * values[1]
+
+
 def _loop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     t, a = problem.scales.torque, problem.scales.wind_up
     return {"torque": (0.0, 2.0 * t), "stiffness": (1e-4 * t / a, STIFFEST * t / a)}
@@ -280,6 +286,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=_loop_starts,
             possible=needs_spring,
             limits=_loop_limits,
+            sensible_at=_of_the_spring,
             decades=2 if variant in ("bouc-wen", "dahl") else 0,
             proportional=(1,),
         )
@@ -308,6 +315,7 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=lambda problem: tuple((*loop, -1.4) for loop in _loop_starts(problem)),
         possible=needs_spring,
         limits=_loop_limits,
+        sensible_at=_of_the_spring,
         proportional=(1,),
     ),
     *(

@@ -72,14 +72,23 @@ def bristle_end(s: float, v: float, P: Real) -> float:
 def bristle(z: float, d: float, v: float, P: Real) -> float:
     """Dry friction over PRE_TORQUE after a travel ``d`` at speed ``v`` from the state ``z``: built up over PRE_ANGLE.
 
-    dz/dq = (1 - z s/g(v)) / y, g = (1 + s PRE_SIDED) (1 + PRE_EXCESS exp(-(v/PRE_SPEED)^2)): Dahl's law, with a
-    breakaway LuGre's.
+    dz/dq = (1 - z s/g(v))^i / y, g = (1 + s PRE_SIDED) (1 + PRE_EXCESS exp(-(v/PRE_SPEED)^2)), i = 1 - PRE_BRITTLE:
+    Dahl's law, with a breakaway LuGre's.
     """
     if d == 0.0:
         return z
     s = 1.0 if d > 0.0 else -1.0
     level = bristle_end(s, v, P)
-    return float(s * level + (z - s * level) * math.exp(-abs(d) / (P[PRE_ANGLE] * level)))
+    return s * level * (1.0 - remaining(1.0 - s * z / level, abs(d) / (P[PRE_ANGLE] * level), P[PRE_BRITTLE]))
+
+
+@compiled
+def remaining(u: float, r: float, brittle: float) -> float:
+    """What is short of the end, u, after a travel ``r`` of u' = -u^i, i = 1 - ``brittle``; beyond the end i = 1."""
+    if brittle == 0.0 or u <= 0.0:
+        return u * math.exp(-r)
+    power = u**brittle - brittle * r
+    return float(power ** (1.0 / brittle)) if power > 0.0 else 0.0
 
 
 @compiled

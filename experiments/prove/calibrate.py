@@ -20,7 +20,7 @@ from jointscope.experiments.prove.measures import calibration_error
 Real = NDArray[np.float64]
 
 LEAST = 60  # answers of one kind below which it gets the map of all: on 64 answers, maps of their own were worse
-RIDGE = 0.3  # standard deviations of prior on the slopes, per standardised input: the likeliest on 340 answers left out (0.2 to 0.5 alike)
+RIDGE = 0.3  # standard deviations of prior on the slopes, per standardised input: the likeliest of 340 answers left out
 FEWEST = 10  # answers of a kind of verdict that make a level of its own
 FOLDS = 5
 

@@ -3,6 +3,7 @@ r"""Dry friction and drag: ``frictionloss`` with a stiff solver, polynomial damp
 T (1 +- a) sgn(w) = T sgn(w) + a T, at rest too: a symmetric frictionloss and a constant torque -a T, exactly
 b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the speed, exactly
 dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y, g unlike in the two directions,
+with Dahl's exponent i for 1 of 1 - T_f sgn(w)/(T g) where it has one, and
 with sigma_1 w (1 - T_f sgn(w)/(T g)) beside it where the bristles are damped (LuGre), sigma_1 = bristle_time T/y
 T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e): a table over the speed
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
@@ -89,6 +90,7 @@ def _bristles(building: Building, location: str, p: Parameters, excess: float, s
         speed=speed,
         sided=sided,
         damping=damping,
+        exponent=p.get("exponent", 1.0),
     )
 
 

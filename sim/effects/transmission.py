@@ -83,19 +83,20 @@ def hysteresis(law: Law) -> Part:
 
 
 def bristles(law: Law) -> Part:
-    """T z with the travel over ``angle``: z' = 1 - s z/g, g = (1 + s sided) (1 + excess exp(-(v/speed)^2)).
+    """T z with the travel over ``angle``: z' = (1 - s z/g)^exponent, g = (1 + s sided) (1 + excess exp(-(v/speed)^2)).
 
     And ``damping`` v (1 - s z/g): LuGre's law.
     """
     excess, speed, sided = float(law["excess"]), float(law["speed"]), float(law.get("sided", 0.0))
     torque, damping = float(law["torque"]), float(law.get("damping", 0.0))
+    exponent = float(law.get("exponent", 1.0))
 
     def end(sign: float, rate: float) -> float:
         return (1.0 + math.copysign(sided, sign)) * (1.0 + excess * math.exp(-((rate / speed) ** 2)))
 
     def follow(z: float, travel: float, rate: float) -> float:
         g = end(travel, rate)
-        return g * _dahl(z / g, travel / g)
+        return g * _dahl(z / g, travel / g, exponent)
 
     elastic = _by_travel(law, follow)
 
@@ -124,9 +125,15 @@ def _by_travel(law: Law, follow: Callable[[float, float, float], float]) -> Part
     return part
 
 
-def _dahl(z: float, travel: float) -> float:
+def _dahl(z: float, travel: float, exponent: float = 1.0) -> float:
+    """The exact solution of dz/dx = s (1 - s z)^exponent; past the end, where a falling level leaves it, it decays back."""
     sign = math.copysign(1.0, travel)
-    return sign + (z - sign) * math.exp(-abs(travel))
+    short = 1.0 - sign * z
+    if exponent == 1.0 or short <= 0.0:
+        return sign + (z - sign) * math.exp(-abs(travel))
+    n = 1.0 - exponent  # (short^n)' = -n
+    left = short**n - n * abs(travel)
+    return sign * (1.0 - (left ** (1.0 / n) if left > 0.0 else 0.0))
 
 
 def _bouc_wen(z: float, travel: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from jointscope.diagnosis.effects import (
     catalogue,
     with_run_weights,
 )
+from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
 from jointscope.diagnosis.effects.periodic import harmonics
 from jointscope.diagnosis.predict import build, integrate, predict_outputs
 from jointscope.diagnosis.prepare import prepare
@@ -381,3 +383,17 @@ def test_a_stop_that_stops_nothing_is_no_stop(problem):
         assert spec.parameters[spec.amplitude].lower == 0.0
         assert spec.sensible((0.0, smallest, 0.0))
         assert not spec.sensible((0.0, 1e-3 * smallest, 0.0))
+
+
+def test_a_ripple_returns_with_every_turn_and_is_seen_to_return(problem):
+    """An order of about nothing is a constant torque, and so is a line of which the travel holds no period."""
+    spec = next(s for s in PERIODIC if s.variant == "cogging")
+    ratio = problem.rig.reduction_ratio or 1.0
+
+    def over(turns: float, order: float) -> bool:
+        scales = replace(problem.scales, travel=2.0 * math.pi * turns / ratio)
+        return at_rig(spec, replace(problem, scales=scales)).sensible((1.0, order, 0.0))
+
+    assert over(1.5, 1.0) and over(0.5, 4.0) and over(20.0, 6.0)
+    assert not over(20.0, 0.05) and not over(20.0, 1.5)
+    assert not over(0.5, 1.0)

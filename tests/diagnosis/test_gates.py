@@ -384,14 +384,42 @@ def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, explai
 
 
 @pytest.mark.parametrize(
-    ("local", "gain", "stays"), [(True, 100.0, False), (True, 140.0, True), (False, 40.0, True)]
+    ("local", "gain", "held", "stays"),
+    [
+        (True, 100.0, 0.0, False),
+        (True, 140.0, 0.0, True),
+        (False, 40.0, 0.0, True),
+        (True, 35.0, 140.0, True),
+        (True, 25.0, 140.0, False),
+        (True, 35.0, 100.0, False),
+        (True, 100.0, math.nan, False),
+    ],
 )
-def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, stays):
-    """A stop may be sought anywhere: the best of all places gains more than one that was known."""
+def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, held, stays):
+    """A stop may be sought anywhere: the best of all places gains more than one that was known, or all of it unseen."""
     spec = SimpleNamespace(name="end-stop", location="load", family="stiffness", local=local)
     child, base = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,))), SimpleNamespace(names=())
-    monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain))
+    monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain, held_gain=held))
     assert adjudicate._beyond_the_search(None, child, [base]) is stays
+
+
+@pytest.mark.parametrize(
+    ("names", "score", "stands"),
+    [
+        (("b@load", "c@motor"), 1060.0, False),
+        (("b@load", "c@motor"), 1130.0, True),
+        (("a@load", "c@motor"), 1060.0, True),
+    ],
+)
+def test_two_effects_lead_another_one_by_more_than_little(monkeypatch, names, score, stands):
+    """What two stand-ins explain together is no news beside the one that they stand in for; its own part is asked elsewhere."""
+    one, two = (
+        SimpleNamespace(names=n, hypothesis=SimpleNamespace(specs=(), sensible=True)) for n in (("a@load",), names)
+    )
+    scores = {id(one): 1000.0, id(two): score}
+    monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
+    assert adjudicate._as_good(None, two, [one, two]) is not stands
+    assert not adjudicate._as_good(None, one, [one, two])
 
 
 @pytest.mark.parametrize(("over_best", "stands"), [(1.0, True), (0.0, False)])

@@ -99,3 +99,5 @@ def test_an_experiment_without_groups_carries_a_payload_as_a_whole_or_not_at_all
         stage = refit_base(own, predict_outputs, split_runs(own).estimate, pool)
         found = next(s for s in per_run_specs(stage, own) if s.name == "payload")
     assert found.run_weights == weights
+    small, about, large = found.scale(own)
+    assert small < active.values[0] < large and about == pytest.approx(active.values[0], rel=0.3)

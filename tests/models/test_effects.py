@@ -39,6 +39,8 @@ CATALOGUE = [
     ("coulomb-friction", "motor", "presliding", {"torque": 20.0, "presliding": 1e-5}, "torque", 0.0),
     ("coulomb-friction", "motor", "presliding-asymmetric", {"torque": 20.0, "presliding": 1e-5, "asymmetry": 0.1},
      "torque", 0.0),
+    ("coulomb-friction", "load", "presliding-shaped", {"torque": 2.0, "presliding": 1e-5, "exponent": 0.4},
+     "torque", 0.0),
     ("load-dependent-friction", "transmission", "input-side", {"coefficient": 0.05}, "coefficient", 0.0),
     ("load-dependent-friction", "transmission", "output-side", {"coefficient": 0.05}, "coefficient", 0.0),
     ("quadratic-damping", "load", "drag", {"coefficient": 30.0}, "coefficient", 0.0),
