@@ -22,6 +22,7 @@ from jointscope.diagnosis.effects import (
 )
 from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
 from jointscope.diagnosis.effects.periodic import harmonics
+from jointscope.diagnosis.effects.transmission import SPECS as TRANSMISSION
 from jointscope.diagnosis.predict import build, integrate, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 
@@ -397,3 +398,15 @@ def test_a_ripple_returns_with_every_turn_and_is_seen_to_return(problem):
     assert over(1.5, 1.0) and over(0.5, 4.0) and over(20.0, 6.0)
     assert not over(20.0, 0.05) and not over(20.0, 1.5)
     assert not over(0.5, 1.0)
+
+
+def test_a_hysteresis_without_width_on_a_held_joint_is_friction(problem):
+    """Dry friction at the arm is parallel to the spring of a held joint; where the motor moves it is not."""
+    wind_up = problem.scales.wind_up
+    held = replace(problem, runs=tuple(replace(run, mode="braked") for run in problem.runs))
+    moved = replace(problem, runs=tuple(replace(run, mode="observer") for run in problem.runs))
+    for variant in ("dahl", "maxwell-slip"):
+        spec = next(s for s in TRANSMISSION if s.variant == variant)
+        thin, wide = (1.0, 1.0 / (0.01 * wind_up)), (1.0, 1.0 / (0.06 * wind_up))
+        assert at_rig(spec, held).sensible(wide) and not at_rig(spec, held).sensible(thin)
+        assert at_rig(spec, moved).sensible(thin)

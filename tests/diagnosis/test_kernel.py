@@ -320,6 +320,23 @@ def test_bristles_end_on_the_curve_of_their_speed_and_without_breakaway_are_dahl
     )
 
 
+@pytest.mark.parametrize("exponent", [0.05, 0.5, 1.0, 1.6])
+def test_presliding_with_dahls_exponent_is_the_same_in_one_step_or_many(exponent):
+    """u' = -u^i solved exactly; with i = 1/2 uniform elements' curve, 2 x - x^2 over the travel at which all slip."""
+    whole = k_laws.remaining(1.3, 0.9, 1.0 - exponent)
+    parts = 1.3
+    for share in (0.2, 0.3, 0.4):
+        parts = k_laws.remaining(parts, share, 1.0 - exponent)
+    assert whole == pytest.approx(parts, rel=1e-12)
+    small = k_laws.remaining(1.3, 1e-6, 1.0 - exponent)
+    assert (small - 1.3) / 1e-6 == pytest.approx(-(1.3**exponent), rel=1e-4)
+    for x in (0.1, 0.5, 1.0, 2.0):
+        built = 1.0 - k_laws.remaining(1.0, 2.0 * x, 0.5)
+        assert built == pytest.approx(2.0 * x - x * x if x < 1.0 else 1.0)
+    assert k_laws.remaining(1.0, 0.7, 1e-9) == pytest.approx(math.exp(-0.7), rel=1e-6)
+    assert k_laws.remaining(-0.2, 0.7, 1.0 - exponent) == pytest.approx(-0.2 * math.exp(-0.7))
+
+
 def test_damped_bristles_ring_as_a_damped_spring_and_slide_as_undamped_ones():
     """LuGre: within the bristles J q'' + sigma_1 q' + sigma_0 q = 0; in steady sliding sigma_1 says nothing."""
     J, T, y, damping, n = 2.0, 30.0, 1e-3, 200.0, 4096

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis import search
+from jointscope.diagnosis import rounds, search
 from jointscope.diagnosis.acquisition import relogged
 from jointscope.diagnosis.answer import diagnosis_json
 from jointscope.diagnosis.base import representative
@@ -214,6 +214,21 @@ def screened(*columns, w):
         active = SimpleNamespace(spec=spec, values=(0.1,))
         trials.append(score(active, s, tangent(w, np.zeros((len(w), 1)))))
     return trials
+
+
+def test_what_is_near_the_first_grows_too_but_not_again():
+    """Of each name the best law, within 3 % of what the leader gained; what has grown already is left out."""
+    laws = {name: SimpleNamespace() for name in ("a", "a2", "a3", "b", "b2", "c")}
+
+    def fitted(name, loss):
+        return SimpleNamespace(names=(name[0],), specs=(laws[name],), loss=loss)
+
+    pair = SimpleNamespace(names=("a", "b"), specs=(laws["a"], laws["b"]), loss=-5.0)
+    singles = [fitted("a", 0.0), fitted("a2", 1.0), fitted("b", 2.0), fitted("b2", 2.5), fitted("c", 4.0)]
+    arena = SimpleNamespace(hypotheses=(pair, *singles), base=SimpleNamespace(loss=100.0))
+    assert rounds._to_grow(arena, 2) == [*singles[:2], singles[2]]
+    assert rounds._to_grow(arena, 1, [singles[0]]) == [singles[2]]
+    assert rounds._to_grow(SimpleNamespace(hypotheses=(), base=arena.base), 3) == []
 
 
 @pytest.mark.parametrize(("apart", "fitted"), [(0.3, [("law-0", "law-1")]), (3.0, [])])
