@@ -38,9 +38,7 @@ CLEAR = 10.0  # ... unless they are this many of their own off: what a payload d
 FEWEST = 4  # runs
 ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
-TRIED = (
-    0.3  # of the size that the runs' own estimates give, and what it is of another, at which a law is tried too
-)
+TRIED = 0.3  # of the size that the runs' own estimates give, at which a law is tried too, and at the inverse
 ASKED = 2  # times that a payload is fitted and every run asked whether it carries it
 
 

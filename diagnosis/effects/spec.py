@@ -87,7 +87,7 @@ class EffectSpec:
         local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
         exact: Whether nature knows the law in this form only: what it leaves is something else.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
-        sensible_at: The same at a rig: a stop softer than its arm's noise is none, nor a ripple that no period is seen of.
+        sensible_at: The same at a rig: a stop that stops nothing is none, nor a ripple of less than a period.
     """
 
     name: str
