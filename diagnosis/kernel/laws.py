@@ -79,7 +79,10 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
         return z
     s = 1.0 if d > 0.0 else -1.0
     level = bristle_end(s, v, P)
-    return s * level * (1.0 - remaining(1.0 - s * z / level, abs(d) / (P[PRE_ANGLE] * level), P[PRE_BRITTLE]))
+    r = abs(d) / (P[PRE_ANGLE] * level)
+    if P[PRE_BRITTLE] == 0.0:
+        return float(s * level + (z - s * level) * math.exp(-r))
+    return s * level * (1.0 - remaining(1.0 - s * z / level, r, P[PRE_BRITTLE]))
 
 
 @compiled
