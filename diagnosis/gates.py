@@ -15,8 +15,7 @@ IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a fur
 CARRIES_OVER = 0.06  # held-out gain over what the same kind of runs gained in the fit, per sample
 AS_FORETOLD = 0.3  # and over what a true child would gain there
 AGREES = 0.7  # of what was foretold, with which nothing in proportion is asked: not all runs show an effect alike
-AT_MOST = 0.4  # of what was foretold, that is asked in proportion
-TELLING = 15.0  # nats that must be foretold for either
+TELLING = 15.0  # nats that must be foretold for that
 HELD = 3.0  # nats that held-out runs must gain at least
 LOSING_MOST = 0.1  # the same where most held-out runs lose
 TOO_MUCH = 3.5  # times what was foretold, gained on the held-out runs: an effect of one size can't
@@ -98,8 +97,6 @@ class Comparison:
         due = max(self.held_gain + self.lost, self.foretold_held)
         agrees = self.foretold_held > TELLING and self.held_gain > AGREES * self.foretold_held
         proportion = 0.0 if agrees else CARRIES_OVER * self.expected_held
-        if self.foretold_held > TELLING:  # quiet runs hardly show what loud ones do
-            proportion = min(proportion, AT_MOST * self.foretold_held)
         enough = max(HELD, proportion, AS_FORETOLD * self.foretold_held)
         losing = LOSING if self.share_of_runs >= 0.5 else LOSING_MOST
         much = self.foretold_held > TELLING and self.held_gain > TOO_MUCH * self.foretold_held
