@@ -37,7 +37,6 @@ REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, he
 REAL_PICKED = 60.0  # of an order that was picked out of all orders
 REAL_PLACE = 120.0  # of a stop's place, which is sought in all of a travel and once more to either side
 REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to show
-LEADS_FEWER = 1.1  # times the score of fewer, other effects: true pairs led by 1.13 and more, a stand-in by 1.06
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
@@ -346,11 +345,4 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         if parts:
             found.append(child)
-    found = [child for child in found if not _as_good(judgement, child, found)]
     return sorted(found, key=lambda j: -score(judgement, j))
-
-
-def _as_good(judgement: Judgement, child: Judged, others: Sequence[Judged]) -> bool:
-    """Whether fewer effects than the child's, other ones, explain nearly as much."""
-    fewer = (o for o in others if len(o.names) < len(child.names) and not set(o.names) < set(child.names))
-    return any(score(judgement, child) < LEADS_FEWER * score(judgement, o) for o in fewer)

@@ -14,7 +14,7 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differen
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.effects import STRANGERS
-from jointscope.diagnosis.gates import AS_FORETOLD, HELD, OF_PARENT, Comparison
+from jointscope.diagnosis.gates import AS_FORETOLD, HELD, Comparison
 from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import CONTAINED
@@ -38,6 +38,7 @@ SPARING = (
 )  # nats of belief by the number of effects: there are more sets than single effects
 STRANGE = 15.0  # nats by which physics outside the table must lead what the table holds
 OF_LISTED = 0.02  # or this share of its score: a law of the right name may have another form
+LEADS_FEWER = 1.1  # times the score of fewer, other effects: true pairs led by 1.13 and more, a stand-in by 1.06
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.75  # probability of the leading effect below which it is not named alone
 SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in for a look-alike
@@ -171,8 +172,8 @@ def rank(judgement: Judgement) -> list[Ranked]:
         simpler = [
             v for other, (v, _) in best.items() if 0 < len(other) < len(names) and not set(other) < set(names)
         ]
-        if simpler and value < (1.0 + OF_PARENT) * max(simpler):  # what a form that is a little wrong leaves
-            best[names] = (min(value, max(simpler) - CONTAINING), judged)
+        if simpler and value < LEADS_FEWER * max(simpler):  # what a form that is a little wrong leaves
+            best[names] = (min(value, 0.0) - NOT_STANDING, judged)
     belief = np.array(_belief(judgement, best))
     weights = np.exp(belief - belief.max())
     weights /= weights.sum()

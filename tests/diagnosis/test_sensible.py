@@ -1,0 +1,52 @@
+"""Fitted numbers that are no longer the effect of their name, at any rig or at the one at hand."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from jointscope.diagnosis.effects import at_rig, catalogue
+from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
+from jointscope.diagnosis.effects.transmission import SPECS as TRANSMISSION
+
+
+@pytest.mark.parametrize("variant", ["piecewise", "piecewise-cubic"])
+def test_a_soft_region_that_lacks_all_it_may_is_a_gap(problem, variant):
+    spec = next(s for s in catalogue(problem) if s.variant == variant)
+    rest = tuple(spec.starts(problem)[0])
+    assert spec.sensible((0.5, *rest)) and not spec.sensible((spec.parameters[0].upper, *rest))
+
+
+def test_a_stop_that_stops_nothing_is_no_stop(problem):
+    """Its range goes on to nothing, for the search; what ends below a ten-thousandth of the joint's stiffness is none."""
+    for spec in (s for s in catalogue(problem) if s.name == "end-stop"):
+        smallest = spec.scale(problem)[0]
+        assert spec.parameters[spec.amplitude].lower == 0.0
+        assert spec.sensible((0.0, smallest, 0.0))
+        assert not spec.sensible((0.0, 1e-3 * smallest, 0.0))
+
+
+def test_a_ripple_returns_with_every_turn_and_is_seen_to_return(problem):
+    """An order of about nothing is a constant torque, and so is a line of which the travel holds no period."""
+    spec = next(s for s in PERIODIC if s.variant == "cogging")
+    ratio = problem.rig.reduction_ratio or 1.0
+
+    def over(turns: float, order: float) -> bool:
+        scales = replace(problem.scales, travel=2.0 * math.pi * turns / ratio)
+        return at_rig(spec, replace(problem, scales=scales)).sensible((1.0, order, 0.0))
+
+    assert over(1.5, 1.0) and over(0.5, 4.0) and over(20.0, 6.0)
+    assert not over(20.0, 0.05) and not over(20.0, 1.5)
+    assert not over(0.5, 1.0)
+
+
+def test_a_hysteresis_without_width_on_a_held_joint_is_friction(problem):
+    """Dry friction at the arm is parallel to the spring of a held joint; where the motor moves it is not."""
+    wind_up = problem.scales.wind_up
+    held = replace(problem, runs=tuple(replace(run, mode="braked") for run in problem.runs))
+    moved = replace(problem, runs=tuple(replace(run, mode="observer") for run in problem.runs))
+    for variant in ("dahl", "maxwell-slip"):
+        spec = next(s for s in TRANSMISSION if s.variant == variant)
+        thin, wide = (1.0, 1.0 / (0.01 * wind_up)), (1.0, 1.0 / (0.06 * wind_up))
+        assert at_rig(spec, held).sensible(wide) and not at_rig(spec, held).sensible(thin)
+        assert at_rig(spec, moved).sensible(thin)
