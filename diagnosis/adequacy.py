@@ -18,12 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.ndimage import uniform_filter1d
 
 from jointscope.diagnosis.noise import ANGULAR, Key, NoiseModel, block_key, dynamic_level, fast_part, quantum
 from jointscope.diagnosis.whiten import is_hit, run_whitener, without_scatter
 from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.input_scatter import Pushes
     from jointscope.diagnosis.prepare import Output, PreparedRun
 
 Vector = NDArray[np.float64]
@@ -32,7 +34,8 @@ ALIKE = 0.98  # correlation of recordings above which two takes count as one exc
 ALIKE_HITS = 0.9  # the same for hits, whose pulses differ in shape
 REACH = 0.1  # s by which two takes may be shifted against each other
 PAIRS = 40  # of runs that are compared per kind of channel
-LAGS = 400  # over which the noise's own memory is counted
+LAGS = 400  # at least, over which the noise's own memory is counted: a joint rings for longer
+BURST = 0.25  # s over which the noise's power is averaged
 EXCESS = 0.01  # of the signal's rms: unexplained residual that is worth explaining
 SURE = 5.0  # standard errors by which common energy must stand out
 COARSE = 0.25  # of a residual's energy that is the quantiser's, above which nothing can be told from it
@@ -94,11 +97,14 @@ class Adequacy:
 
 
 def _cleaned(
-    runs: Sequence[PreparedRun], noise: NoiseModel, predictions: Sequence[Sequence[Vector]]
+    runs: Sequence[PreparedRun],
+    noise: NoiseModel,
+    predictions: Sequence[Sequence[Vector]],
+    pushed: Sequence[Pushes | None],
 ) -> list[list[Vector]]:
     return [
-        without_scatter(run, noise, predicted, run_whitener(run, noise, None))
-        for run, predicted in zip(runs, predictions, strict=True)
+        without_scatter(run, noise, predicted, run_whitener(run, noise, None), force)
+        for run, predicted, force in zip(runs, predictions, pushed or [None] * len(runs), strict=True)
     ]
 
 
@@ -124,13 +130,20 @@ def _overlap(x: Vector, shift: int) -> Vector:
     return x[shift:] if shift >= 0 else x[:shift]
 
 
-def _memory(a: Vector, b: Vector) -> float:
-    """sum_k c(k)^2 of the noise, which is what ``a`` and ``b`` differ by: variance of the mean of products times n."""
+def _memory(a: Vector, b: Vector, rate: float) -> float:
+    """sum_k c(k)^2 of the noise, which is what ``a`` and ``b`` differ by: variance of the mean of products times n.
+
+    Noise that comes in bursts, as where a sweep passes a resonance that the noise of its torque log rings at, has fewer
+    samples to be averaged over: mean(v^2) / mean(v)^2 times the variance, v its local power.
+    """
     noise = (a - b) / math.sqrt(2.0)
     n = len(noise)
     size = next_fast_len(2 * n, real=True)
-    c = irfft(np.square(np.abs(rfft(noise, size))), size)[:LAGS] / n
-    return float(c[0] ** 2 + 2.0 * (c[1:] @ c[1:]))
+    c = irfft(np.square(np.abs(rfft(noise, size))), size)[: max(LAGS, n // 4)] / n
+    power = uniform_filter1d(np.square(noise), max(3, round(BURST * rate)), mode="nearest")
+    mean = float(np.mean(power))
+    bursts = float(np.mean(np.square(power))) / mean**2 if mean > 0.0 else 1.0
+    return bursts * float(c[0] ** 2 + 2.0 * (c[1:] @ c[1:]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +187,7 @@ def _pairs(takes: Sequence[_Take]) -> list[tuple[float, float, float]]:
         am, bm = _overlap(a.model[:n], shift), _overlap(b.model[:n], -shift)
         shared = math.sqrt(a.quantised * b.quantised)
         found.append(
-            (float(np.mean(ab * bb)) - shared, float(np.mean(am * bm)) - shared, _memory(am, bm) / len(am))
+            (float(np.mean(ab * bb)) - shared, float(np.mean(am * bm)) - shared, _memory(am, bm, rate) / len(am))
         )
     return found
 
@@ -212,7 +225,7 @@ def _periods(run: PreparedRun, take: _Take) -> list[tuple[float, float, float]]:
         return []
     base = float(np.mean(take.base[lag:] * take.base[:-lag])) - take.quantised
     model = float(np.mean(take.model[lag:] * take.model[:-lag])) - take.quantised
-    return [(base, model, _memory(take.model[lag:], take.model[:-lag]) / (len(take.base) - lag))]
+    return [(base, model, _memory(take.model[lag:], take.model[:-lag], take.output.rate) / (len(take.base) - lag))]
 
 
 def adequacy(
@@ -220,9 +233,16 @@ def adequacy(
     noise: NoiseModel,
     base: Sequence[Sequence[Vector]],
     model: Sequence[Sequence[Vector]],
+    base_pushed: Sequence[Pushes | None] = (),
+    model_pushed: Sequence[Pushes | None] = (),
 ) -> Adequacy:
-    """Compare base and model predictions of ``runs`` by what takes of one excitation have in common."""
-    before, after = _cleaned(runs, noise, base), _cleaned(runs, noise, model)
+    """Compare base and model predictions of ``runs`` by what takes of one excitation have in common.
+
+    Args:
+        base_pushed, model_pushed: What the noise of every run's input does to either, see
+            :func:`input_scatter.pushes`; empty where that is left out.
+    """
+    before, after = _cleaned(runs, noise, base, base_pushed), _cleaned(runs, noise, model, model_pushed)
     table: dict[Key, list[tuple[PreparedRun, _Take]]] = {}
     for run, old, new in zip(runs, before, after, strict=True):
         for output, a, b in zip(run.outputs, old, new, strict=True):

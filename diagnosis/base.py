@@ -171,8 +171,10 @@ def rewhiten(
     """Noise from what ``fit`` leaves, and the objective whitened by it."""
     theta, effects = fit.coordinates.unpack(fit.x)
     predictions = objective.predictions(theta, effects)
-    noise = estimate_noise(objective.prepared, predictions, before, max_order, inlet(objective.problem, theta))
-    return whitened(objective, noise, predictions), noise, predictions
+    pushed = objective.pushes(theta, effects, predictions)
+    way = inlet(objective.problem, theta)
+    noise = estimate_noise(objective.prepared, predictions, before, max_order, way, pushed)
+    return whitened(objective, noise, predictions, pushed), noise, predictions
 
 
 def of_further_runs(
@@ -186,8 +188,9 @@ def of_further_runs(
     """Other runs whitened by ``noise``, completed by what is left of kinds of channels that were not fitted."""
     other = replace(objective, runs=runs, whiteners=())
     predictions = other.predictions(theta, effects)
-    noise = completed(noise, other.prepared, predictions, max_order, inlet(objective.problem, theta))
-    return whitened(other, noise, predictions), noise, predictions
+    pushed = other.pushes(theta, effects, predictions)
+    noise = completed(noise, other.prepared, predictions, max_order, inlet(objective.problem, theta), pushed)
+    return whitened(other, noise, predictions, pushed), noise, predictions
 
 
 def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: ThreadPoolExecutor) -> Stage:

@@ -18,6 +18,12 @@ MARGIN = 0.008  # s kept before and after a contact: the recorder's ringing belo
 LONGEST = 0.25  # share of the record; a force that acts longer is no impact and is left alone
 
 
+def resting_noise(force: Vector) -> float:
+    """Standard deviation of the force cell's noise [as ``force``], shape (n,): what it reads while nothing touches."""
+    good = force[np.isfinite(force)]
+    return 1.4826 * float(np.median(np.abs(good - np.median(good)))) if good.size else 0.0
+
+
 def contact_only(force: Vector, rate: float) -> Vector:
     """``force`` less its resting value, and zero outside the contacts, shape (n,); unchanged where it is no impact.
 
@@ -29,7 +35,7 @@ def contact_only(force: Vector, rate: float) -> Vector:
     if good.size < 64:
         return force
     rest = float(np.median(good))
-    spread = 1.4826 * float(np.median(np.abs(good - rest)))
+    spread = resting_noise(good)
     departure = force - rest
     peak = float(np.nanmax(np.abs(departure)))
     contact = np.abs(departure) > max(NOISE_REACH * spread, PEAK_SHARE * peak)

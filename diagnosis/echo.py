@@ -2,15 +2,15 @@
 
 The log's white noise is taken off as well as can be (``input_estimate``), never wholly: what remains drives the model and
 not the joint, and rings at the joint's resonance. Its size is found by doing it again: noise of the same size is put onto
-the torque as estimated, taken off once more, and what both torques make the model do is compared, for some noises
-(parametric bootstrap, Efron and Tibshirani 1993, section 6.5). An effect follows an echo only as far as the echo lies along
+the torque as estimated, taken off once more (``relog``), and what both torques make the model do is compared, for some
+noises. An effect follows an echo only as far as the echo lies along
 what the effect changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,53 +18,20 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.energies import Kind, kind_of
 from jointscope.diagnosis.excitation import asked_only, below_excitation
-from jointscope.diagnosis.input_estimate import estimated_input
-from jointscope.recordings.bandlimited import bandlimited
+from jointscope.diagnosis.relog import Relogged, driven_by
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
-    from jointscope.diagnosis.inputs import Drive
     from jointscope.diagnosis.objective import Objective
     from jointscope.diagnosis.problem import PreparedRun
 
 Vector = NDArray[np.float64]
 
-SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
-AGAIN = 8  # noises, each run's its own
+AGAIN = 8  # further logs of each run that are looked at
 BEYOND = 5.0  # standard deviations of what a noise alone makes an effect gain
 ALIGNED = (
     12.5  # half the square of five standard deviations: an effect that was sought among many follows that much
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Relogged:
-    """A torque as further logs of it would have it.
-
-    Attributes:
-        motor: As it was logged.
-        samples: As :attr:`inputs.Drive.samples`, shape (AGAIN, n).
-        motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (AGAIN, 2 steps + 1).
-    """
-
-    motor: Drive
-    samples: Vector
-    motor_half: Vector
-
-
-def relogged(run: PreparedRun) -> Relogged | None:
-    """Further logs of a run's torque, which no model has a part in; ``None`` where none is logged with noise."""
-    motor = run.motor
-    if motor is None or not motor.noise > 0.0:
-        return None
-    rate, start = motor.signal.rate, motor.signal.start
-    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-    samples, halves = [], []
-    for turn in range(1, AGAIN + 1):
-        noise = motor.noise * np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size)
-        samples.append(estimated_input(motor.samples + noise, rate, motor.noise))
-        halves.append(run.motor_half + bandlimited(samples[-1] - motor.samples, rate, start)(half))
-    return Relogged(motor, np.stack(samples), np.stack(halves))
 
 
 Relogs = dict[int, Relogged]  # by position in an objective
@@ -72,15 +39,8 @@ Relogs = dict[int, Relogged]  # by position in an objective
 
 def relogs(objective: Objective) -> Relogs:
     """Further logs of every run of ``objective`` that a noisy log drives."""
-    found = objective.map(relogged, objective.prepared)
+    found = objective.map(lambda run: run.relogged, objective.prepared)
     return {i: relog for i, relog in enumerate(found) if relog is not None}
-
-
-def _driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:
-    """The run as the log of a turn would drive it."""
-    samples, logged = relog.samples[turn], relog.motor.signal
-    drive = replace(relog.motor, samples=samples, signal=bandlimited(samples, logged.rate, logged.start))
-    return replace(run, motor=drive, motor_half=relog.motor_half[turn])
 
 
 @dataclass(frozen=True)
@@ -133,7 +93,7 @@ def _predicted(objective: Objective, again: Relogs, theta: Vector, effects: tupl
     driven = [
         run
         for i, relog in again.items()
-        for run in (runs[i], *(_driven_by(runs[i], relog, turn) for turn in range(AGAIN)))
+        for run in (runs[i], *(driven_by(runs[i], relog, turn) for turn in range(AGAIN)))
     ]
     results = iter(objective.map(predicted, driven))
     return {i: [next(results) for _ in range(AGAIN + 1)] for i in again}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.contact import contact_only
+from jointscope.diagnosis.contact import contact_only, resting_noise
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.diagnosis.input_noise import log_noise
 from jointscope.errors import RefusedError
@@ -30,8 +30,9 @@ class Drive:
         device: Stream it comes from.
         factor: What one unit of the channel (SI) is at the joint output.
         calibrated: Whether the value is in SI.
-        samples: What the log most likely stands for (``input_estimate``), times ``factor``, shape (n,).
-        noise: Standard deviation of the white noise that was in it [as ``samples``].
+        samples: What the log most likely stands for (``input_estimate``; of a hit, its contacts), times ``factor``,
+            shape (n,).
+        noise: Standard deviation of the white noise that was in it [as ``samples``]; a hit's contacts still hold it.
     """
 
     signal: Bandlimited
@@ -70,14 +71,17 @@ def log_noises(runs: Sequence[Run], rig: Nameplate) -> list[float | None]:
 
 def _drive(signal: Signal, factor: float, calibrated: bool, *, impact: bool = False) -> Drive:
     samples = np.asarray(signal.samples, dtype=np.float64) * factor
+    noise = 0.0
     if impact:
-        samples = contact_only(samples, signal.sampling_rate)
+        recorded, samples = samples, contact_only(samples, signal.sampling_rate)
+        noise = 0.0 if samples is recorded else resting_noise(recorded)
     return Drive(
         bandlimited(samples, signal.sampling_rate, signal.stream.start),
         signal.device,
         factor,
         calibrated,
         samples,
+        noise,
     )
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.input_scatter import Pushes, pushes
 from jointscope.diagnosis.noise import NoiseModel
 from jointscope.diagnosis.whiten import RunWhitener, run_whitener
 
@@ -75,6 +76,15 @@ class Objective:
         """Predicted outputs of every run."""
         return tuple(self.map(lambda run: self.predict(run, theta, effects, self.problem), self.prepared))
 
+    def pushes(
+        self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions
+    ) -> list[Pushes | None]:
+        """What the noise of every run's hit does to ``predictions``, see :func:`input_scatter.pushes`."""
+        return self.map(
+            lambda pair: pushes(pair[0], theta, effects, self.problem, self.predict, pair[1]),
+            list(zip(self.prepared, predictions, strict=True)),
+        )
+
     def whiten_run(self, position: int, predicted: Sequence[Vector]) -> Vector:
         """w of one run as predicted, shape (n_kept,)."""
         run = self.problem.runs[self.runs[position]]
@@ -133,11 +143,18 @@ class Objective:
         return np.concatenate([np.arange(slices[p].start, slices[p].stop) for p in positions])
 
 
-def whitened(objective: Objective, noise: NoiseModel, predictions: Predictions | None) -> Objective:
-    """The objective with whiteners built from ``noise`` and the response that scatters."""
+def whitened(
+    objective: Objective,
+    noise: NoiseModel,
+    predictions: Predictions | None,
+    pushed: Sequence[Pushes | None] = (),
+) -> Objective:
+    """The objective with whiteners built from ``noise``, the response that scatters, and what the hits' noise does."""
     prepared = objective.prepared
-    given: Sequence[tuple[Vector, ...] | None] = [None] * len(prepared) if predictions is None else predictions
+    nothing = [None] * len(prepared)
+    given: Sequence[tuple[Vector, ...] | None] = nothing if predictions is None else predictions
     whiteners = objective.map(
-        lambda pair: run_whitener(pair[0], noise, pair[1]), list(zip(prepared, given, strict=True))
+        lambda known: run_whitener(known[0], noise, known[1], known[2]),
+        list(zip(prepared, given, pushed or nothing, strict=True)),
     )
     return replace(objective, whiteners=tuple(whiteners))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from jointscope.diagnosis.assembly import BASE_NAMES, OBSERVER_HZ
 from jointscope.diagnosis.inputs import Drive
 from jointscope.recordings.bandlimited import Bandlimited
 from jointscope.recordings.campaign import Nameplate, Run
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.relog import Relogged
 
 Vector = NDArray[np.float64]
 Mode = Literal["braked", "observer", "closed-loop", "torque-driven", "prescribed-motor", "prescribed-load"]
@@ -151,6 +155,13 @@ class PreparedRun:
     def time(self) -> Vector:
         """Grid nodes on the run's clock [s], shape (steps + 1,)."""
         return self.t0 + np.arange(self.steps + 1) / self.grid_rate
+
+    @functools.cached_property
+    def relogged(self) -> Relogged | None:
+        """Its torque as further logs would have it; made when first asked for, ``None`` without a noisy log."""
+        from jointscope.diagnosis.relog import relogged
+
+        return relogged(self)
 
     @property
     def load_force(self) -> Vector | None:

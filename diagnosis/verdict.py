@@ -22,6 +22,7 @@ from jointscope.diagnosis.twins import foreknown
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
+    from jointscope.diagnosis.input_scatter import Pushes
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
 WRONG_FORM = 0.01  # or this share of the best score, between laws neither of which is nearer the data than ...
@@ -187,9 +188,18 @@ def rank(judgement: Judgement) -> list[Ranked]:
 def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:
     """The candidate against the base and the floor, over fitted and held-out runs."""
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    base = (*judgement.base.predictions, *judgement.base.predictions_held)
-    model = (*candidate.predictions, *candidate.predictions_held)
-    return adequacy(runs, judgement.noise, base, model)
+    base, model = ((*j.predictions, *j.predictions_held) for j in (judgement.base, candidate))
+    pushed = [_pushed(judgement, j) for j in (judgement.base, candidate)]
+    return adequacy(runs, judgement.noise, base, model, *pushed)
+
+
+def _pushed(judgement: Judgement, judged: Judged) -> list[Pushes | None]:
+    """What the noise of every run's input does to a hypothesis."""
+    theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
+    return [
+        *judgement.objective.pushes(theta, effects, judged.predictions),
+        *judgement.held.pushes(theta, effects, judged.predictions_held),
+    ]
 
 
 def _error_sizes(fit: Adequacy) -> dict[Key, float]:

@@ -1,7 +1,8 @@
 """Residuals made standard normal: prediction-error filter per output, hit gain and timing marginalised per run.
 
-Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), and s_0^2 1 1' for each angle: where between
-two steps of its encoder the first one was, no record tells. With U = L^-1 [s_g y, s_t y., s_0 1] and U = Q R,
+Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), H H' of what the force cell's noise makes the model
+do (``input_scatter``), and s_0^2 1 1' for each angle: where between
+two steps of its encoder the first one was, no record tells. With U = L^-1 [s_g y, s_t y., H, s_0 1] and U = Q R,
 w = (I - Q S Q') L^-1 r with S = V diag(1 - (1 + lambda)^-1/2) V', V lambda V' = R R', is the symmetric square root of
 Woodbury's identity: w'w = r' Sigma^-1 r exactly, and w is linear in r.
 """
@@ -35,12 +36,14 @@ from jointscope.diagnosis.noise import (
 )
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.input_scatter import Pushes
     from jointscope.diagnosis.prepare import Output, PreparedRun
 
 Vector = NDArray[np.float64]
 
 PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
 FROM_ZERO = ("angle", "position")  # what is counted from its first samples
+UNFELT = 0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
 SAMPLES_PER_FREEDOM = 8.0  # of a coloured residual
 
 
@@ -72,7 +75,7 @@ class RunWhitener:
 
     Attributes:
         filters: One per output.
-        directions: Q V, the orthonormal scatter directions, shape (n_kept, 0 to 2 and one for each angle).
+        directions: Q V, the orthonormal scatter directions, shape (n_kept, r).
         shrink: 1 - (1 + lambda)^-1/2 of each.
     """
 
@@ -135,20 +138,29 @@ def run_scale(output: Output, noise: BlockNoise, residual: Vector) -> float:
 
 
 def without_scatter(
-    run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector], bare: RunWhitener
+    run: PreparedRun,
+    noise: NoiseModel,
+    predicted: Sequence[Vector],
+    bare: RunWhitener,
+    pushed: Pushes | None = None,
 ) -> list[Vector]:
-    """Residuals of a run less its angles' zeros, and a hit's own gain and time, all within three standard deviations."""
-    residuals = [
-        asked_only(o.data - y, below_excitation(run, o)) for o, y in zip(run.outputs, predicted, strict=True)
-    ]
+    """Residuals of a run less its angles' zeros, and a hit's own gain and time, all within three standard deviations.
+
+    Less, too, what the noise of its input most likely did (``pushed``, see :func:`input_scatter.pushes`).
+    """
+    left = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
+    below = [below_excitation(run, o) for o in run.outputs]
     for k, size in _zero_scatter(run, noise).items():
-        zero = float(np.mean(residuals[k][run.outputs[k].mask]))
-        residuals[k] = residuals[k] - np.clip(zero, -3.0 * size, 3.0 * size)
-    if not is_hit(run):
-        return residuals
-    gain, shift = own_scatter(run, predicted, bare)
-    own = within_scatter(np.array([gain, shift]), noise)
-    return [r - c @ own for r, c in zip(residuals, scatter_columns(run, predicted), strict=True)]
+        zero = float(np.mean(asked_only(left[k], below[k])[run.outputs[k].mask]))
+        left[k] = left[k] - np.clip(zero, -3.0 * size, 3.0 * size)
+    if is_hit(run):
+        own = within_scatter(np.array(own_scatter(run, predicted, bare)), noise)
+        left = [r - c @ own for r, c in zip(left, scatter_columns(run, predicted), strict=True)]
+    if pushed is not None:
+        u, w = bare.filter(pushed), bare.filter(left)[:, 0]
+        eta = np.linalg.solve(u.T @ u + np.eye(u.shape[1]), u.T @ w)
+        left = [r - h @ eta for r, h in zip(left, pushed, strict=True)]
+    return [asked_only(r, sections) for r, sections in zip(left, below, strict=True)]
 
 
 def own_scatter(run: PreparedRun, predicted: Sequence[Vector], bare: RunWhitener) -> tuple[float, float]:
@@ -217,32 +229,44 @@ def _bare(run: PreparedRun, blocks: Sequence[BlockNoise], scales: Sequence[float
     return RunWhitener(filters, np.zeros((sum(len(f.keep) for f in filters), 0)), np.zeros(0))
 
 
-def run_whitener(run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector] | None) -> RunWhitener:
-    """Sigma^-1/2 of ``run``; ``predicted`` gives the response whose gain and timing scatter, for hits."""
+def run_whitener(
+    run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector] | None, pushed: Pushes | None = None
+) -> RunWhitener:
+    """Sigma^-1/2 of ``run``; of a hit, ``predicted`` is the response whose gain and timing scatter.
+
+    ``pushed``: What the noise of its force does, see :func:`input_scatter.pushes`.
+    """
     blocks = [noise.blocks[block_key(run, o)] for o in run.outputs]
     bare = _bare(run, blocks, [1.0] * len(blocks))
     if predicted is None or not run.outputs or not all(np.all(np.isfinite(y)) for y in predicted):
         return bare
-    residuals = without_scatter(run, noise, predicted, bare)
+    residuals = without_scatter(run, noise, predicted, bare, pushed)
     bare = _bare(run, blocks, [run_scale(o, b, r) for o, b, r in zip(run.outputs, blocks, residuals, strict=True)])
-    return marginalised(run, noise, predicted, bare)
+    return marginalised(run, noise, predicted, bare, pushed)
 
 
 def marginalised(
-    run: PreparedRun, noise: NoiseModel, predicted: Sequence[Vector], bare: RunWhitener
+    run: PreparedRun,
+    noise: NoiseModel,
+    predicted: Sequence[Vector],
+    bare: RunWhitener,
+    pushed: Pushes | None = None,
 ) -> RunWhitener:
-    """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain and time."""
+    """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain, time and force noise."""
     columns = _zeros(run, noise)
     if is_hit(run):
         spread = np.array([noise.gain, noise.timing])
         scatter = [c * spread for c in scatter_columns(run, predicted)]
         columns = [np.concatenate(pair, axis=1) for pair in zip(scatter, columns, strict=True)]
+    if pushed is not None:
+        columns = [np.concatenate(pair, axis=1) for pair in zip(columns, pushed, strict=True)]
     if not any(c.shape[1] for c in columns):
         return bare
     q, r = np.linalg.qr(bare.filter(columns))
     eigenvalues, vectors = np.linalg.eigh(r @ r.T)
-    shrink = 1.0 - 1.0 / np.sqrt(1.0 + np.maximum(eigenvalues, 0.0))
-    return RunWhitener(bare.filters, q @ vectors, shrink)
+    felt = eigenvalues > UNFELT
+    shrink = 1.0 - 1.0 / np.sqrt(1.0 + eigenvalues[felt])
+    return RunWhitener(bare.filters, q @ vectors[:, felt], shrink)
 
 
 def hit_scatter(
@@ -270,10 +294,12 @@ def estimate_noise(
     before: NoiseModel,
     max_order: int,
     way: Inlet | None = None,
+    pushed: Sequence[Pushes | None] = (),
 ) -> NoiseModel:
     """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error.
 
-    ``way`` is how the noise of a logged torque reaches the outputs of the model that predicted.
+    ``way`` is how the noise of a logged torque reaches the outputs of the model that predicted, ``pushed`` what the noise
+    of each run's hit does there, empty where that is left out.
     """
     gain, timing, _ = hit_scatter(runs, before, predictions)
     poles: dict[Key, Pole] = {}
@@ -289,9 +315,9 @@ def estimate_noise(
     outputs: dict[Key, list[Output]] = {}
     residuals: dict[Key, list[Vector]] = {}
     scattered = NoiseModel(before.blocks, gain, timing)
-    for run, predicted in zip(runs, predictions, strict=True):
-        bare = run_whitener(run, before, None)
-        for output, residual in zip(run.outputs, without_scatter(run, scattered, predicted, bare), strict=True):
+    for run, predicted, force in zip(runs, predictions, pushed or [None] * len(runs), strict=True):
+        left = without_scatter(run, scattered, predicted, run_whitener(run, before, None), force)
+        for output, residual in zip(run.outputs, left, strict=True):
             key = block_key(run, output)
             outputs.setdefault(key, []).append(output)
             residuals.setdefault(key, []).append(residual)
@@ -315,16 +341,18 @@ def completed(
     predictions: Sequence[Sequence[Vector]],
     max_order: int,
     way: Inlet | None = None,
+    pushed: Sequence[Pushes | None] = (),
 ) -> NoiseModel:
     """``noise`` with a block for every kind of channel in ``runs``: what no fitted run has, by what is left of it here."""
     own = [
-        (run, predicted)
-        for run, predicted in zip(runs, predictions, strict=True)
+        (run, predicted, force)
+        for run, predicted, force in zip(runs, predictions, pushed or [None] * len(runs), strict=True)
         if any(block_key(run, output) not in noise.blocks for output in run.outputs)
     ]
     if not own:
         return noise
-    theirs = [run for run, _ in own]
+    theirs = [run for run, _, _ in own]
     before = NoiseModel({**white(theirs).blocks, **noise.blocks}, noise.gain, noise.timing)
-    found = estimate_noise(theirs, [predicted for _, predicted in own], before, max_order, way)
+    forces = [force for _, _, force in own]
+    found = estimate_noise(theirs, [predicted for _, predicted, _ in own], before, max_order, way, forces)
     return NoiseModel({**found.blocks, **noise.blocks}, noise.gain, noise.timing)

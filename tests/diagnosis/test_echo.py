@@ -12,6 +12,7 @@ from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, relogs
 from jointscope.diagnosis.energies import by_experiment, drowned, heard, improvement
 from jointscope.diagnosis.inputs import Drive
 from jointscope.diagnosis.objective import Objective
+from jointscope.diagnosis.relog import relogged
 from jointscope.recordings.bandlimited import bandlimited
 
 RATE, COUNT = 1000.0, 8192
@@ -32,6 +33,10 @@ class Take:
     grid_rate: float = RATE
     steps: int = COUNT - 1
     index: int = 0
+
+    @property
+    def relogged(self):
+        return relogged(self)
 
 
 def take(noise):

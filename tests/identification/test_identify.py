@@ -40,7 +40,7 @@ def test_values_lie_in_their_intervals_and_intervals_are_tight(make_campaign) ->
     assert inside >= 14  # of 18
 
 
-def test_five_percent_of_force_noise_leaves_no_bias(make_campaign) -> None:
+def test_five_percent_of_input_scatter_leaves_no_bias(make_campaign) -> None:
     """H1 is 25 % off here."""
     errors = [
         error(

@@ -1,0 +1,105 @@
+"""What the force cell's noise during a contact makes a model do: the joint was hit by the force, the model by its record.
+
+With F + eta recorded over m samples of contact the model's response errs by sum_k eta_k h(t - t_k), h its response to a
+sample of force: of a hit of 100 N and 6 ms recorded at 2 kHz with 0.7 N of noise, by 1 % of the ring's amplitude and 0.01 rad
+of its phase, and by ten times an accelerometer's own noise while the contact lasts. eta is white and of a size
+that the quiet part of the record shows, so its covariance is known: the columns here, one for each sample of contact, are
+marginalised with a hit's gain and time (:mod:`whiten`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.noise import ANGULAR
+from jointscope.diagnosis.relog import LOGS, driven_by
+from jointscope.recordings.bandlimited import bandlimited
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.objective import Predict
+    from jointscope.diagnosis.problem import PreparedRun, Problem
+
+Vector = NDArray[np.float64]
+Respond = Callable[["PreparedRun"], tuple[Vector, ...]]
+Pushes = tuple[NDArray[np.float64], ...]
+
+STEP = 5.0  # times the noise, by which one sample is moved to find h
+
+
+def pushes(
+    run: PreparedRun,
+    theta: Vector,
+    effects: tuple[ActiveEffect, ...],
+    problem: Problem,
+    predict: Predict,
+    predicted: Sequence[Vector],
+) -> Pushes | None:
+    """What the noise of the recorded input does to each output, shapes (n, m): their covariance is the columns' H H'.
+
+    ``None`` where nothing is recorded with noise, or where the model flies apart.
+    """
+
+    def respond(moved: PreparedRun) -> tuple[Vector, ...]:
+        return predict(moved, theta, effects, problem)
+
+    if run.run.experiment == "hammer":
+        return _of_the_contact(run, respond, predicted)
+    return _of_the_log(run, respond, predicted)
+
+
+def _of_the_log(run: PreparedRun, respond: Respond, predicted: Sequence[Vector]) -> Pushes | None:
+    """What further logs of the torque make of each acceleration; of an angle that is held ``Ringing`` takes care."""
+    relog = run.relogged
+    if relog is None:
+        return None
+    after = [respond(driven_by(run, relog, turn)) for turn in range(LOGS)]
+    if not all(np.all(np.isfinite(y)) for each in (*after, predicted) for y in each):
+        return None
+    size = 1.0 / np.sqrt(LOGS)
+    return tuple(
+        np.zeros((y.size, LOGS))
+        if output.quantity in ANGULAR
+        else np.stack([size * (each[k] - y) for each in after], axis=1)
+        for k, (output, y) in enumerate(zip(run.outputs, predicted, strict=True))
+    )
+
+
+def _of_the_contact(run: PreparedRun, respond: Respond, predicted: Sequence[Vector]) -> Pushes | None:
+    """What noise of one standard deviation in each sample of the contact does.
+
+    h is the model's own, about the motion that the hit makes, and taken as the same for all samples of the contact.
+    """
+    load = run.load
+    if load is None or not load.noise > 0.0:
+        return None
+    touched = np.flatnonzero(load.samples)
+    if touched.size == 0 or touched.size == load.samples.size:
+        return None
+    rate, start = load.signal.rate, load.signal.start
+    middle = int(touched[np.argmax(np.abs(load.samples[touched]))])
+    sample = np.zeros(load.samples.size)
+    sample[middle] = STEP * load.noise
+    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
+    moved = replace(
+        run,
+        load=replace(load, samples=load.samples + sample, signal=bandlimited(load.samples + sample, rate, start)),
+        load_half=run.load_half + bandlimited(sample, rate, start)(half),
+    )
+    after = respond(moved)
+    if not all(np.all(np.isfinite(y)) for y in (*after, *predicted)):
+        return None
+    columns = []
+    for output, y, z in zip(run.outputs, predicted, after, strict=True):
+        h = (z - y) / STEP
+        places = np.arange(h.size, dtype=np.float64)
+        shifts = (touched - middle) * output.rate / rate
+        columns.append(
+            np.stack([np.interp(places - shift, places, h, left=0.0, right=0.0) for shift in shifts], axis=1)
+        )
+    return tuple(columns)

@@ -1,0 +1,62 @@
+"""A torque as further logs of it would have it: noise of the same size once more, taken off once more.
+
+The log's white noise is taken off as well as can be (``input_estimate``), never wholly. What is left of it has no formula,
+but it can be had again (parametric bootstrap, Efron and Tibshirani 1993, section 6.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.input_estimate import estimated_input
+from jointscope.recordings.bandlimited import bandlimited
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.inputs import Drive
+    from jointscope.diagnosis.problem import PreparedRun
+
+Vector = NDArray[np.float64]
+
+SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
+LOGS = 24  # further logs, each run's its own
+
+
+@dataclass(frozen=True, eq=False)
+class Relogged:
+    """A torque as further logs of it would have it.
+
+    Attributes:
+        motor: As it was logged.
+        samples: As :attr:`inputs.Drive.samples`, shape (LOGS, n).
+        motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (LOGS, 2 steps + 1).
+    """
+
+    motor: Drive
+    samples: Vector
+    motor_half: Vector
+
+
+def relogged(run: PreparedRun) -> Relogged | None:
+    """Further logs of a run's torque, which no model has a part in; ``None`` where none is logged with noise."""
+    motor = run.motor
+    if motor is None or not motor.noise > 0.0:
+        return None
+    rate, start = motor.signal.rate, motor.signal.start
+    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
+    samples, halves = [], []
+    for turn in range(1, LOGS + 1):
+        noise = motor.noise * np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size)
+        samples.append(estimated_input(motor.samples + noise, rate, motor.noise))
+        halves.append(run.motor_half + bandlimited(samples[-1] - motor.samples, rate, start)(half))
+    return Relogged(motor, np.stack(samples), np.stack(halves))
+
+
+def driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:
+    """The run as the log of a turn would drive it."""
+    samples, logged = relog.samples[turn], relog.motor.signal
+    drive = replace(relog.motor, samples=samples, signal=bandlimited(samples, logged.rate, logged.start))
+    return replace(run, motor=drive, motor_half=relog.motor_half[turn])
