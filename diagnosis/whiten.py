@@ -43,7 +43,9 @@ Vector = NDArray[np.float64]
 
 PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
 FROM_ZERO = ("angle", "position")  # what is counted from its first samples
-UNFELT = 0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
+UNFELT = (
+    0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
+)
 SAMPLES_PER_FREEDOM = 8.0  # of a coloured residual
 
 

@@ -77,3 +77,24 @@ def test_a_periodic_excitation_is_known_and_a_sweep_is_not():
     multisine = sum(np.sin(2 * np.pi * f * T + rng.uniform(0, 6)) for f in range(11, 61))
     assert np.isclose(input_period(repeat(multisine, multisine)), 1.0, atol=1.5 / RATE)
     assert input_period(repeat(sweep(), sweep())) is None
+
+
+def test_noise_that_comes_in_bursts_agrees_by_chance_as_often_as_its_error_says():
+    """A ring of random size and phase behind a resonance, 60 pairs of takes: their common energy scatters by its error."""
+    rng = np.random.default_rng(11)
+    after = np.maximum(T - 4.0, 0.0)
+    ring = np.exp(-3.0 * after) * (T > 4.0)
+    common, error = [], []
+    for _ in range(60):
+        runs = []
+        for _ in range(2):
+            a, b = 0.3 * rng.standard_normal(2)
+            echo = ring * (a * np.cos(2 * np.pi * 29.0 * after) + b * np.sin(2 * np.pi * 29.0 * after))
+            runs.append(repeat(sweep() + echo + 0.02 * rng.standard_normal(len(T)), sweep()))
+        noise = NoiseModel(
+            {block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 0.05, 0.05, 0.0) for r in runs}, 0.0, 0.0
+        )
+        block = adequacy(runs, noise, [(sweep(),)] * 2, [(sweep(),)] * 2).blocks[0]
+        common.append(block.model_common)
+        error.append(block.error)
+    assert 0.6 < np.std(common) / np.sqrt(np.mean(np.square(error))) < 1.4
