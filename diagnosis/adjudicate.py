@@ -176,7 +176,11 @@ def evidence(hypothesis: Hypothesis, objective: Objective, held: Objective) -> J
     fitted = _energy(_per_run(objective, predictions))
     left_held = _per_run(held, held_predictions)
     samples = sum(sum(w.sizes) for w in objective.whiteners)
-    energies = error_energies((*objective.prepared, *held.prepared), (*predictions, *held_predictions))
+    energies = error_energies(
+        (*objective.prepared, *held.prepared),
+        (*predictions, *held_predictions),
+        (*objective.whiteners, *held.whiteners),
+    )
     return Judged(
         hypothesis,
         fitted,

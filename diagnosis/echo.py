@@ -3,8 +3,7 @@
 The log's white noise is taken off as well as can be (``input_estimate``), never wholly: what remains drives the model and
 not the joint, and rings at the joint's resonance. Its size is found by doing it again: noise of the same size is put onto
 the torque as estimated, taken off once more (``relog``), and what both torques make the model do is compared, for some
-noises. An effect follows an echo only as far as the echo lies along
-what the effect changes.
+noises that no covariance was read off. An effect follows an echo only as far as the echo lies along what the effect changes.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.energies import Kind, kind_of
 from jointscope.diagnosis.excitation import asked_only, below_excitation
-from jointscope.diagnosis.relog import Relogged, driven_by
+from jointscope.diagnosis.relog import AGAIN, LOGS, Relogged, driven_by
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -27,12 +26,10 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-AGAIN = 8  # further logs of each run that are looked at
 BEYOND = 5.0  # standard deviations of what a noise alone makes an effect gain
 ALIGNED = (
     12.5  # half the square of five standard deviations: an effect that was sought among many follows that much
 )
-
 
 Relogs = dict[int, Relogged]  # by position in an objective
 
@@ -93,7 +90,7 @@ def _predicted(objective: Objective, again: Relogs, theta: Vector, effects: tupl
     driven = [
         run
         for i, relog in again.items()
-        for run in (runs[i], *(driven_by(runs[i], relog, turn) for turn in range(AGAIN)))
+        for run in (runs[i], *(driven_by(runs[i], relog, LOGS + turn) for turn in range(AGAIN)))
     ]
     results = iter(objective.map(predicted, driven))
     return {i: [next(results) for _ in range(AGAIN + 1)] for i in again}

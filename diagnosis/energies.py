@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.echo import Echo
     from jointscope.diagnosis.objective import Predictions
     from jointscope.diagnosis.prepare import Output, PreparedRun
+    from jointscope.diagnosis.whiten import RunWhitener
 
 Vector = NDArray[np.float64]
 Kind = tuple[object, ...]
@@ -47,9 +48,19 @@ def energies_between(
     return pooled
 
 
-def error_energies(runs: Sequence[PreparedRun], predictions: Predictions) -> Energies:
-    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``."""
-    return energies_between(runs, [[output.data for output in run.outputs] for run in runs], predictions)
+def error_energies(
+    runs: Sequence[PreparedRun], predictions: Predictions, whiteners: Sequence[RunWhitener]
+) -> Energies:
+    """Squared error and squared signal per experiment and channel, over the scored samples of ``runs``.
+
+    A hit's error is less what most likely scattered, its gain of a few per cent above all: nothing that is modelled adds
+    to that or takes from it but by chance.
+    """
+    left = [
+        whitener.settled([o.data - y for o, y in zip(run.outputs, predicted, strict=True)])
+        for run, predicted, whitener in zip(runs, predictions, whiteners, strict=True)
+    ]
+    return energies_between(runs, left, [[np.zeros_like(r) for r in residuals] for residuals in left])
 
 
 def improvement(

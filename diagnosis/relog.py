@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 SEED = 20221  # of the noise; the same for every run, so that the answer depends on nothing else
-LOGS = 24  # further logs, each run's its own
+LOGS = 24  # further logs, each run's its own, that show the covariance of what the log's noise does
+AGAIN = 8  # and further ones, which that covariance has not seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +32,8 @@ class Relogged:
 
     Attributes:
         motor: As it was logged.
-        samples: As :attr:`inputs.Drive.samples`, shape (LOGS, n).
-        motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (LOGS, 2 steps + 1).
+        samples: As :attr:`inputs.Drive.samples`, shape (LOGS + AGAIN, n).
+        motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (LOGS + AGAIN, 2 steps + 1).
     """
 
     motor: Drive
@@ -48,7 +49,7 @@ def relogged(run: PreparedRun) -> Relogged | None:
     rate, start = motor.signal.rate, motor.signal.start
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     samples, halves = [], []
-    for turn in range(1, LOGS + 1):
+    for turn in range(1, LOGS + AGAIN + 1):
         noise = motor.noise * np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size)
         samples.append(estimated_input(motor.samples + noise, rate, motor.noise))
         halves.append(run.motor_half + bandlimited(samples[-1] - motor.samples, rate, start)(half))

@@ -123,8 +123,8 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
         old, new = coloured.whiten_run(i, before[i]), coloured.whiten_run(i, after[i])
         gain += 0.5 * float(old @ old - new @ new)
     runs = arena.objective.prepared
-    parents = error_energies(runs, before)
-    material, _, _ = improvement(parents, parents, error_energies(runs, after), {})
+    parents, children = (error_energies(runs, y, coloured.whiteners) for y in (before, after))
+    material, _, _ = improvement(parents, parents, children, {})
     return gain > PROMISING * added and material > MATERIAL
 
 

@@ -79,11 +79,15 @@ class RunWhitener:
         filters: One per output.
         directions: Q V, the orthonormal scatter directions, shape (n_kept, r).
         shrink: 1 - (1 + lambda)^-1/2 of each.
+        scatter: Of a hit, one standard deviation of everything that scatters, per output, shapes (n, k).
+        estimate: Its most likely amounts by the filtered residual, (U'U + I)^-1 U', shape (k, n_kept).
     """
 
     filters: tuple[OutputFilter, ...]
     directions: NDArray[np.float64]
     shrink: Vector
+    scatter: tuple[NDArray[np.float64], ...] = ()
+    estimate: NDArray[np.float64] | None = None
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -110,6 +114,13 @@ class RunWhitener:
         if self.shrink.size:
             w = w - self.directions @ (self.shrink[:, None] * (self.directions.T @ w))
         return w
+
+    def settled(self, residuals: Sequence[Vector]) -> Sequence[Vector]:
+        """Residuals of the outputs less what most likely scattered from hit to hit, shapes (n,)."""
+        if self.estimate is None:
+            return residuals
+        amounts = self.estimate @ self.filter(residuals)[:, 0]
+        return [r - c @ amounts for r, c in zip(residuals, self.scatter, strict=True)]
 
 
 def output_filter(
@@ -264,11 +275,15 @@ def marginalised(
         columns = [np.concatenate(pair, axis=1) for pair in zip(columns, pushed, strict=True)]
     if not any(c.shape[1] for c in columns):
         return bare
-    q, r = np.linalg.qr(bare.filter(columns))
+    u = bare.filter(columns)
+    q, r = np.linalg.qr(u)
     eigenvalues, vectors = np.linalg.eigh(r @ r.T)
     felt = eigenvalues > UNFELT
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + eigenvalues[felt])
-    return RunWhitener(bare.filters, q @ vectors[:, felt], shrink)
+    if not is_hit(run):
+        return RunWhitener(bare.filters, q @ vectors[:, felt], shrink)
+    estimate = np.asarray(np.linalg.solve(u.T @ u + np.eye(u.shape[1]), u.T), dtype=np.float64)
+    return RunWhitener(bare.filters, q @ vectors[:, felt], shrink, tuple(columns), estimate)
 
 
 def hit_scatter(
