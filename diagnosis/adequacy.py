@@ -37,7 +37,7 @@ PAIRS = 40  # of runs that are compared per kind of channel
 LAGS = 400  # at least, over which the noise's own memory is counted: a joint rings for longer
 BURST = 0.25  # s over which the noise's power is averaged
 EXCESS = 0.01  # of the signal's rms: unexplained residual that is worth explaining
-SURE = 5.0  # standard errors by which common energy must stand out
+SURE = 3.0  # standard errors by which common energy must stand out: 1.5 at most in 40 blocks of 14 nulls
 COARSE = 0.25  # of a residual's energy that is the quantiser's, above which nothing can be told from it
 
 

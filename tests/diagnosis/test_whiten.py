@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+from jointscope.diagnosis.energies import error_energies
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, autocovariance, block_key, block_noise, fit_ar
 from jointscope.diagnosis.whiten import hit_scatter, output_filter, run_scale, run_whitener, scatter_columns
 
@@ -148,3 +149,25 @@ def test_hit_scatter_is_found_with_its_size():
     gain, timing, _ = hit_scatter(runs, noise, predictions)
     assert np.isclose(gain, 0.02, rtol=0.33)
     assert np.isclose(timing, 5e-5, rtol=0.33)
+
+
+def test_what_an_effect_explains_of_a_hit_is_measured_less_the_hit_s_own_gain():
+    """Hits that scatter by 3 %: of an effect of 1 % the energy is found to a tenth; in the raw errors it drowns."""
+    rng = np.random.default_rng(3)
+    y = ringing(2000)
+    extra = 0.01 * np.std(y) * np.sqrt(2.0) * np.sin(2 * np.pi * 90.0 * np.arange(y.size) / 1000.0)
+    runs = [
+        hit((1.0 + 0.03 * rng.standard_normal()) * y + extra + 0.01 * rng.standard_normal(y.size))
+        for _ in range(8)
+    ]
+    noise = NoiseModel(
+        {block_key(runs[0], runs[0].outputs[0]): BlockNoise(np.array([1.0]), 0.01, 0.01, 0.0)}, 0.03, 3e-6
+    )
+    whiteners = [run_whitener(run, noise, (y + extra,)) for run in runs]
+    before, after = (error_energies(runs, [(p,)] * len(runs), whiteners) for p in (y, y + extra))
+    (key,) = before
+    gained = before[key][0] - after[key][0]
+    assert np.isclose(gained, len(runs) * float(extra @ extra), rtol=0.1)
+    raw = sum(np.sum((run.outputs[0].data - y - extra) ** 2) for run in runs)
+    assert raw > 5.0 * gained
+    assert np.isclose(after[key][0], len(runs) * y.size * 0.01**2, rtol=0.1)
