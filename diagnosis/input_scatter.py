@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.noise import ANGULAR
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.relog import LOGS, driven_by
 from jointscope.recordings.bandlimited import bandlimited
 
@@ -56,8 +56,12 @@ def pushes(
 
 
 def _of_the_log(run: PreparedRun, respond: Respond, predicted: Sequence[Vector]) -> Pushes | None:
-    """What further logs of the torque make of each acceleration; of an angle that is held ``Ringing`` takes care."""
-    relog = run.relogged
+    """What further logs of the torque make of each acceleration.
+
+    Of an angle that is held ``Ringing`` takes care, and what is left of a wind-up is too slow to be told from two dozen columns.
+    """
+    heard = any(output.quantity in ACCELERATIONS for output in run.outputs)
+    relog = run.relogged if heard else None
     if relog is None:
         return None
     after = [respond(driven_by(run, relog, turn)) for turn in range(LOGS)]
@@ -65,9 +69,9 @@ def _of_the_log(run: PreparedRun, respond: Respond, predicted: Sequence[Vector])
         return None
     size = 1.0 / np.sqrt(LOGS)
     return tuple(
-        np.zeros((y.size, LOGS))
-        if output.quantity in ANGULAR
-        else np.stack([size * (each[k] - y) for each in after], axis=1)
+        np.stack([size * (each[k] - y) for each in after], axis=1)
+        if output.quantity in ACCELERATIONS
+        else np.zeros((y.size, LOGS))
         for k, (output, y) in enumerate(zip(run.outputs, predicted, strict=True))
     )
 
