@@ -91,10 +91,11 @@ def _of_the_contact(run: PreparedRun, respond: Respond, predicted: Sequence[Vect
     middle = int(touched[np.argmax(np.abs(load.samples[touched]))])
     sample = np.zeros(load.samples.size)
     sample[middle] = STEP * load.noise
+    force = load.samples + sample
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     moved = replace(
         run,
-        load=replace(load, samples=load.samples + sample, signal=bandlimited(load.samples + sample, rate, start)),
+        load=replace(load, samples=force, signal=bandlimited(force, rate, start)),
         load_half=run.load_half + bandlimited(sample, rate, start)(half),
     )
     after = respond(moved)

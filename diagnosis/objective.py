@@ -79,7 +79,7 @@ class Objective:
     def pushes(
         self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions
     ) -> list[Pushes | None]:
-        """What the noise of every run's hit does to ``predictions``, see :func:`input_scatter.pushes`."""
+        """What the noise of every run's input does to ``predictions``, see :func:`input_scatter.pushes`."""
         return self.map(
             lambda pair: pushes(pair[0], theta, effects, self.problem, self.predict, pair[1]),
             list(zip(self.prepared, predictions, strict=True)),
@@ -149,7 +149,7 @@ def whitened(
     predictions: Predictions | None,
     pushed: Sequence[Pushes | None] = (),
 ) -> Objective:
-    """The objective with whiteners built from ``noise``, the response that scatters, and what the hits' noise does."""
+    """The objective with whiteners built from ``noise``, the response that scatters, and what the inputs' noise does."""
     prepared = objective.prepared
     nothing = [None] * len(prepared)
     given: Sequence[tuple[Vector, ...] | None] = nothing if predictions is None else predictions

@@ -1,8 +1,8 @@
 """Residuals made standard normal: prediction-error filter per output, hit gain and timing marginalised per run.
 
-Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), H H' of what the force cell's noise makes the model
-do (``input_scatter``), and s_0^2 1 1' for each angle: where between
-two steps of its encoder the first one was, no record tells. With U = L^-1 [s_g y, s_t y., H, s_0 1] and U = Q R,
+Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), H H' of what the noise of the recorded input makes the
+model do (``input_scatter``), and s_0^2 1 1' for each angle: where between two steps of its encoder the first one was, no record
+tells. With U = L^-1 [s_g y, s_t y., H, s_0 1] and U = Q R,
 w = (I - Q S Q') L^-1 r with S = V diag(1 - (1 + lambda)^-1/2) V', V lambda V' = R R', is the symmetric square root of
 Woodbury's identity: w'w = r' Sigma^-1 r exactly, and w is linear in r.
 """
@@ -170,10 +170,14 @@ def without_scatter(
         own = within_scatter(np.array(own_scatter(run, predicted, bare)), noise)
         left = [r - c @ own for r, c in zip(left, scatter_columns(run, predicted), strict=True)]
     if pushed is not None:
-        u, w = bare.filter(pushed), bare.filter(left)[:, 0]
-        eta = np.linalg.solve(u.T @ u + np.eye(u.shape[1]), u.T @ w)
+        eta = _most_likely(bare.filter(pushed)) @ bare.filter(left)[:, 0]
         left = [r - h @ eta for r, h in zip(left, pushed, strict=True)]
     return [asked_only(r, sections) for r, sections in zip(left, below, strict=True)]
+
+
+def _most_likely(u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(U'U + I)^-1 U', which gives the most likely amounts of what scatters by one of each column of U, shape (k, n)."""
+    return np.asarray(np.linalg.solve(u.T @ u + np.eye(u.shape[1]), u.T), dtype=np.float64)
 
 
 def own_scatter(run: PreparedRun, predicted: Sequence[Vector], bare: RunWhitener) -> tuple[float, float]:
@@ -247,7 +251,7 @@ def run_whitener(
 ) -> RunWhitener:
     """Sigma^-1/2 of ``run``; of a hit, ``predicted`` is the response whose gain and timing scatter.
 
-    ``pushed``: What the noise of its force does, see :func:`input_scatter.pushes`.
+    ``pushed``: What the noise of its input does, see :func:`input_scatter.pushes`.
     """
     blocks = [noise.blocks[block_key(run, o)] for o in run.outputs]
     bare = _bare(run, blocks, [1.0] * len(blocks))
@@ -265,7 +269,7 @@ def marginalised(
     bare: RunWhitener,
     pushed: Pushes | None = None,
 ) -> RunWhitener:
-    """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain, time and force noise."""
+    """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain and time, its input's noise."""
     columns = _zeros(run, noise)
     if is_hit(run):
         spread = np.array([noise.gain, noise.timing])
@@ -282,8 +286,7 @@ def marginalised(
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + eigenvalues[felt])
     if not is_hit(run):
         return RunWhitener(bare.filters, q @ vectors[:, felt], shrink)
-    estimate = np.asarray(np.linalg.solve(u.T @ u + np.eye(u.shape[1]), u.T), dtype=np.float64)
-    return RunWhitener(bare.filters, q @ vectors[:, felt], shrink, tuple(columns), estimate)
+    return RunWhitener(bare.filters, q @ vectors[:, felt], shrink, tuple(columns), _most_likely(u))
 
 
 def hit_scatter(
@@ -316,7 +319,7 @@ def estimate_noise(
     """The noise that ``predictions`` leave: scatter first, then each block's colour and relative error.
 
     ``way`` is how the noise of a logged torque reaches the outputs of the model that predicted, ``pushed`` what the noise
-    of each run's hit does there, empty where that is left out.
+    of each run's input does there, empty where that is left out.
     """
     gain, timing, _ = hit_scatter(runs, before, predictions)
     poles: dict[Key, Pole] = {}
