@@ -42,6 +42,7 @@ OBSERVER_HZ = 3.0  # below every resonance of a joint, above the drift of a torq
 RIGID_OBSERVER_HZ = 20.0  # of a free inertia without a joint: no resonance to keep clear of
 RATE_SHARE = 0.04  # of the sampling rate that an observer's corner may be at most
 COMMAND_HZ = 0.3  # where the drive's command stands for the motor's speed: it is followed only so closely
+LAW_HZ = 1.0  # where the drive's law, read backwards from its torque, stands for the motor's angle
 OBSERVER_ZETA = 0.8
 
 
@@ -214,7 +215,7 @@ def observer_corner(run: PreparedRun) -> float:
     the recorded motion does, not when a drifted model does. A joint's resonance sets the limit where there is one.
     """
     if run.observed is not None and run.observed.commanded:
-        return COMMAND_HZ
+        return COMMAND_HZ if run.observed.rate_signal else LAW_HZ
     if run.spring or run.motor_moves or run.observed is None:
         return OBSERVER_HZ
     return min(RIGID_OBSERVER_HZ, max(OBSERVER_HZ, RATE_SHARE * run.observed.signal.rate))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from jointscope.diagnosis.drive_angle import DriveLaw, drive_law
 from jointscope.diagnosis.inputs import log_noises
 from jointscope.diagnosis.parameters import base_spec
 from jointscope.diagnosis.problem import BaseSpec, Observed, Output, PreparedRun, Problem, Scales
@@ -42,18 +43,27 @@ def prepare(campaign: Campaign) -> Problem:
             f"{campaign.path}: topology = 'arm': diagnosis needs one joint's runs; export them as a two-inertia campaign"
         )
     campaign, offsets = zeroed(campaign)
-    runs: list[PreparedRun] = []
-    for run, noise in zip(campaign.runs, log_noises(campaign.runs, campaign.rig), strict=True):
-        prepared = prepare_run(run, campaign.rig, len(runs), log_noise=noise)
-        if prepared is not None:
-            runs.append(prepared)
+    runs = _prepared(campaign, None)
     if not runs:
         raise RefusedError(
             f"{campaign.path}: no run holds an input and an output in time; record a force, torque or speed command "
             "together with an acceleration, speed or angle"
         )
-    problem = finished(campaign, tuple(runs))
+    problem = finished(campaign, runs)
+    law = drive_law(problem)
+    if law is not None:
+        problem = finished(campaign, _prepared(campaign, law))
     return replace(problem, findings=(*offsets, *problem.findings))
+
+
+def _prepared(campaign: Campaign, law: DriveLaw | None) -> tuple[PreparedRun, ...]:
+    """Every run in which something drives the joint and something was compared; ``law``: of a drive without encoder."""
+    runs: list[PreparedRun] = []
+    for run, noise in zip(campaign.runs, log_noises(campaign.runs, campaign.rig), strict=True):
+        prepared = prepare_run(run, campaign.rig, len(runs), log_noise=noise, law=law)
+        if prepared is not None:
+            runs.append(prepared)
+    return tuple(runs)
 
 
 def prepare_inputs(campaign: Campaign) -> Problem:

@@ -15,6 +15,7 @@ from jointscope.recordings.bandlimited import Bandlimited
 from jointscope.recordings.campaign import Nameplate, Run
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.drive_angle import DriveLaw
     from jointscope.diagnosis.relog import Relogged
 
 Vector = NDArray[np.float64]
@@ -85,7 +86,8 @@ class Observed:
         rate_signal: Whether it is a speed.
         signal: Its value [rad or rad/s at the output], angles from the arm's initial angle.
         device: Stream it was recorded by.
-        commanded: Whether it is what the drive was asked for, for want of a recorded one.
+        commanded: Whether it is what the drive was asked for, or what its law says, for want of a recorded one.
+        law: That law, where there is one.
     """
 
     side: Literal["motor", "arm"]
@@ -93,6 +95,7 @@ class Observed:
     signal: Bandlimited
     device: int
     commanded: bool = False
+    law: DriveLaw | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
+from jointscope.diagnosis.drive_angle import DriveLaw, followed_angle
 from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
@@ -30,12 +31,19 @@ INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before 
 
 
 def prepare_run(
-    run: Run, rig: Nameplate, index: int, *, inputs_only: bool = False, log_noise: float | None = None
+    run: Run,
+    rig: Nameplate,
+    index: int,
+    *,
+    inputs_only: bool = False,
+    log_noise: float | None = None,
+    law: DriveLaw | None = None,
 ) -> PreparedRun | None:
     """One run on its grid, or ``None`` where nothing drives it or nothing was compared.
 
     ``log_noise``: of its torque log [N m at the output], where other runs had a say in it; ``inputs_only``: the run has no
-    outputs (:func:`without_outputs`), and every declared one is foretold.
+    outputs (:func:`without_outputs`), and every declared one is foretold; ``law``: of its drive, for the angle of a motion
+    that recorded none.
     """
     recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.quantity != "frf"]
     load, motor, command = load_torque(run), motor_torque(run, rig), speed_command(run, rig)
@@ -46,7 +54,9 @@ def prepare_run(
     prescribed = _prescribed(recorded)
     observed = None if prescribed is not None else _observed(recorded, rig, run)
     if two and observed is None and prescribed is None and motor is not None and command is not None:
-        observed = Observed("motor", True, command.signal, command.device, commanded=True)
+        if law is not None and run.initial == "rest":
+            observed = followed_angle(without_noise(motor, log_noise), command, run.arm_angle, law)
+        observed = observed or Observed("motor", True, command.signal, command.device, commanded=True)
     mode = _mode(two, held, spring, prescribed, observed, load, motor, command, run)
     if mode is None:
         return None
@@ -283,7 +293,7 @@ def _output(
     if run.initial == "estimate":
         mask &= times >= (times[0] if times.size else 0.0) + SETTLING
     corner = None
-    adrift = mode == "torque-driven" or (observed is not None and observed.commanded)
+    adrift = mode == "torque-driven" or (observed is not None and observed.commanded and observed.rate_signal)
     if adrift and channel.quantity in ACCELERATIONS:
         corner = DRIFT_CORNER
     low_cutoff = channel.low_cutoff if channel.coupling == "ac" else None
