@@ -52,7 +52,7 @@ def prepare(campaign: Campaign) -> Problem:
     problem = finished(campaign, runs)
     law = drive_law(problem)
     if law is not None:
-        problem = finished(campaign, _prepared(campaign, law))
+        problem = finished(campaign, _prepared(campaign, law), law)
     return replace(problem, findings=(*offsets, *problem.findings))
 
 

@@ -35,6 +35,7 @@ from jointscope.models.parameters import Joint, ParameterError
 from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.drive_angle import DriveLaw
     from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
     from jointscope.diagnosis.responses import Response
     from jointscope.identification.drive_law import Drive
@@ -45,15 +46,21 @@ Vector = NDArray[np.float64]
 _SLOW = 6.0  # Hz; drives and friction move the rigid body below it, the joint's resonance lies above
 
 
-def finished(campaign: Campaign, runs: tuple[PreparedRun, ...]) -> Problem:
-    """The problem with start values, polarity, drive law, clocks of unknown start and typical sizes."""
+def finished(campaign: Campaign, runs: tuple[PreparedRun, ...], law: DriveLaw | None = None) -> Problem:
+    """The problem with start values, polarity, drive law, clocks of unknown start and typical sizes.
+
+    ``law``: of a drive whose motions recorded no angle; without, the law is sought in what was recorded.
+    """
     rig = campaign.rig
     problem = _started(rig, runs)
     if inexact(problem):
         problem = aligned(problem, problem.base.start)
         again = _started(rig, problem.runs, exact=True)
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
-    base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
+    if law is None:
+        base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
+    else:
+        base = _with_law(problem.base, law)
     runs = tuple(with_wind_up(run) for run in problem.runs)
     problem = replace(problem, runs=runs, base=bounded(base, runs, rig))
     findings = (*problem.findings, *assumptions(rig, base, problem.runs))
@@ -204,6 +211,15 @@ def _drive(campaign: Campaign, rig: Nameplate, base: BaseSpec) -> Drive | None:
         return identify_drive(campaign, joint, gravity_moment=float(b["gravity_moment"]) if joint else 0.0)
     except (ValueError, np.linalg.LinAlgError):
         return None
+
+
+def _with_law(base: BaseSpec, law: DriveLaw) -> BaseSpec:
+    """The law that the accelerometers bear out in the start vector; what a position loop holds, as a stiffer integral."""
+    start = base.start.copy()
+    start[BASE_INDEX["drive_gain"]] = law.gain
+    start[BASE_INDEX["drive_integral"]] = law.integral + law.gain * law.outer
+    start[BASE_INDEX["drive_acceleration"]] = law.ahead
+    return replace(base, start=start)
 
 
 def _with_drive(base: BaseSpec, runs: tuple[PreparedRun, ...], drive: Drive | None, rig: Nameplate) -> BaseSpec:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jointscope.sim.concealed.law import Effect
 from jointscope.sim.concealed.strength import Sight, direction
-from jointscope.sim.concealed.yardstick import Yardstick, changed, misfit_of, off, whiten
+from jointscope.sim.concealed.yardstick import Yardstick, changed, misfit_of, off
 
 Real = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def refitted(
             misfit = misfit_of(rig, yard.plan, yard.runs, sight.record, None, (Effect(rival.law, values),))
         except FloatingPointError:
             return np.full(yard.origin.size, np.inf)
-        return off(yard.scatter, whiten(misfit, yard.weights) - yard.origin)
+        return off(yard.scatter, yard.white(misfit) - yard.origin)
 
     x = np.zeros(len(names) + 1 + len(free))
     shift = np.array([0.01] * len(names) + [0.1] + [0.03] * len(free))

@@ -27,7 +27,6 @@ from jointscope.sim.concealed.yardstick import (
     misfit_of,
     off,
     orthonormal,
-    whiten,
 )
 
 Real = NDArray[np.float64]
@@ -66,7 +65,7 @@ class Sight:
 def look(yard: Yardstick, effects: Sequence[Effect]) -> Sight:
     """Simulate the representative runs with ``effects``."""
     record = rehearse(yard.rig, yard.plan, effects, yard.runs)
-    misfit = whiten(misfit_of(yard.rig, yard.plan, yard.runs, record, yard.base), yard.weights) - yard.origin
+    misfit = yard.white(misfit_of(yard.rig, yard.plan, yard.runs, record, yard.base)) - yard.origin
     return Sight(record, misfit)
 
 
@@ -97,7 +96,7 @@ def refitted_base(yard: Yardstick, sight: Sight) -> Real:
                 misfit = misfit_of(rig, yard.plan, yard.runs, sight.record, None)
             except FloatingPointError:
                 continue
-            left = whiten(misfit, yard.weights) - yard.origin
+            left = yard.white(misfit) - yard.origin
             new = float(np.linalg.norm(off(yard.tangents, left)))
             if new < size:
                 change, best, gained, size = trial, left, size - new, new
@@ -110,7 +109,7 @@ def refitted_base(yard: Yardstick, sight: Sight) -> Real:
 def materiality(yard: Yardstick, r: Real, truth: Record) -> float:
     """NRMSE of the acceleration that the refitted base leaves, over the runs."""
     missed, whole, place = 0.0, 0.0, 0
-    for channels, weights in zip(truth, yard.weights, strict=True):
+    for channels, weights in zip(truth, yard.white.weights, strict=True):
         for name, weight in weights.items():
             n = weight.size
             if name == "acceleration":

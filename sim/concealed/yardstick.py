@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.models.joint import load_acceleration_per_torque, motor_acceleration_per_torque
+from jointscope.models.joint import hammer_receptance, load_acceleration_per_torque, motor_acceleration_per_torque
 from jointscope.models.parameters import Joint, Rig
 from jointscope.sim.concealed.law import Effect
 from jointscope.sim.concealed.measurement import Noise, noise_spectrum
@@ -26,7 +26,28 @@ Record = list[dict[str, Real]]
 STEP: Final = 2e-4  # s, of the engine
 FREE = ("stiffness", "damping", "load_inertia", "motor_damping", "load_damping")
 ANGLES: Final = frozenset({"arm", "motor"})
+CONTACT: Final = 1e-3  # of a hit's peak: where the hammer touches
 SHIFT = 0.02  # of a parameter's logarithm, for its secant
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """What makes noise white.
+
+    Attributes:
+        weights: By run and output channel, the factor per bin, shape (n // 2 + 1,).
+        pushed: Orthonormal directions in which the noise of recorded forces pushes, shape (n, k).
+        kept: What is kept along each of them, shape (k,).
+    """
+
+    weights: Sequence[Mapping[str, Real]] = field(repr=False)
+    pushed: Real = field(repr=False)
+    kept: Real = field(repr=False)
+
+    def __call__(self, misfits: Record) -> Real:
+        """Whitened misfits of all runs, shape (n,)."""
+        w = whiten(misfits, self.weights)
+        return np.asarray(w - self.pushed @ ((1.0 - self.kept) * (self.pushed.T @ w)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +68,7 @@ class Yardstick:
     plan: Plan
     runs: tuple[int, ...]
     base: Record = field(repr=False)
-    weights: Sequence[Mapping[str, Real]] = field(repr=False)
+    white: Whitener = field(repr=False)
     origin: Real = field(repr=False)
     columns: Real = field(repr=False)
     steps: Mapping[str, float] = field(repr=False)
@@ -86,9 +107,8 @@ def _weights(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Reco
     case's runs of that experiment.
     """
     out = []
-    kinds = [take.kind for take in plan.takes]
     for run, channels in zip(runs, base, strict=True):
-        stands_for = kinds.count(kinds[run]) / sum(kinds[other] == kinds[run] for other in runs)
+        stands_for = _stands_for(plan, runs, run)
         shown = declared(channels, plan.devices)
         weights: dict[str, Real] = {}
         for name in ("acceleration", "arm", "motor"):
@@ -106,6 +126,44 @@ def _weights(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Reco
             )
         out.append(weights)
     return out
+
+
+def _stands_for(plan: Plan, runs: Sequence[int], run: int) -> float:
+    """How many of the case's runs of its experiment ``run`` represents."""
+    kinds = [take.kind for take in plan.takes]
+    return kinds.count(kinds[run]) / sum(kinds[other] == kinds[run] for other in runs)
+
+
+def _whitener(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> Whitener:
+    weights = _weights(rig, plan, noise, runs, base)
+    size = sum(2 * w.size for channels in weights for w in channels.values())
+    pushed, kept, first = [np.zeros((size, 0))], [np.zeros(0)], 0
+    for run, channels, weight in zip(runs, base, weights, strict=True):
+        last = first + sum(2 * w.size for w in weight.values())
+        if plan.takes[run].kind == "hammer" and noise.force > 0.0:
+            U = _pushes(rig, plan, noise.force, channels, weight) / np.sqrt(_stands_for(plan, runs, run))
+            left, sizes, _ = np.linalg.svd(U, full_matrices=False)
+            pushed.append(np.zeros((size, sizes.size)))
+            pushed[-1][first:last] = left
+            kept.append(1.0 / np.sqrt(1.0 + sizes**2))
+        first = last
+    return Whitener(weights, np.hstack(pushed), np.concatenate(kept))
+
+
+def _pushes(rig: Rig, plan: Plan, level: float, channels: Mapping[str, Real], weights: Mapping[str, Real]) -> Real:
+    """What noise of ``level`` [N] in each sample of a contact does to a hit, weighted, shape (n, samples)."""
+    force, rate = channels["force"], plan.devices.daq_rate
+    touched = np.flatnonzero(np.abs(force) > CONTACT * float(np.max(np.abs(force))))
+    s = 2j * np.pi * np.arange(1, force.size // 2 + 1) * rate / force.size
+    receptance = rig.hammer_radius * hammer_receptance(rig.joint, np.asarray(s, dtype=np.complex128))
+    turn = np.exp(-np.outer(s, touched / rate))
+    rows = []
+    for name, w in weights.items():
+        response = receptance * (s**2 * rig.accelerometer_radius if name == "acceleration" else 1.0)
+        columns = np.zeros((w.size, touched.size), dtype=np.complex128)
+        columns[1:] = level * (response * w[1:])[:, None] * turn
+        rows += [columns.real, columns.imag]
+    return np.concatenate(rows)
 
 
 def _torque_to(name: str, rig: Rig, plan: Plan, bins: int, duration: float) -> Real:
@@ -167,8 +225,8 @@ def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
     plan = replace(plan, timestep=STEP)
     runs = representatives(plan)
     base = rehearse(rig, plan, (), runs)
-    weights = _weights(rig, plan, noise, runs, base)
-    origin = whiten(misfit_of(rig, plan, runs, base, base), weights)
+    white = _whitener(rig, plan, noise, runs, base)
+    origin = white(misfit_of(rig, plan, runs, base, base))
     braked_only = all(plan.takes[i].braked for i in runs)
     columns: list[Real] = []
     steps: dict[str, float] = {}
@@ -176,18 +234,18 @@ def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
         if (braked_only and name in ("motor_damping", "load_damping")) or getattr(rig.joint, name) <= 0.0:
             continue
         misfit = misfit_of(changed(rig, {name: SHIFT}), plan, runs, base, None)
-        columns.append(origin - whiten(misfit, weights))
+        columns.append(origin - white(misfit))
         steps[name] = SHIFT
     matrix = np.column_stack(columns)
-    nuisance = _scatter(plan, runs, base, weights)
+    nuisance = _scatter(plan, runs, base, white)
     return Yardstick(
-        rig=rig, plan=plan, runs=runs, base=base, weights=weights, origin=origin,
+        rig=rig, plan=plan, runs=runs, base=base, white=white, origin=origin,
         columns=matrix, steps=steps, tangents=orthonormal(np.column_stack([matrix, *nuisance])),
         scatter=orthonormal(np.column_stack(nuisance)) if nuisance else np.zeros((origin.size, 0)),
     )  # fmt: skip
 
 
-def _scatter(plan: Plan, runs: Sequence[int], base: Record, weights: Sequence[Mapping[str, Real]]) -> list[Real]:
+def _scatter(plan: Plan, runs: Sequence[int], base: Record, white: Whitener) -> list[Real]:
     """Each hit's gain and timing, as directions that are free (their scatter is far above what a hit resolves)."""
     out: list[Real] = []
     for place, run in enumerate(runs):
@@ -198,7 +256,7 @@ def _scatter(plan: Plan, runs: Sequence[int], base: Record, weights: Sequence[Ma
             for name in [name for name in ("acceleration", "arm") if name in base[place]]:
                 y = base[place][name] - base[place][name][0]
                 record[place][name] = np.gradient(y) * plan.devices.daq_rate * 1e-4 if derivative else 0.01 * y
-            out.append(whiten(record, weights))
+            out.append(white(record))
     return out
 
 
