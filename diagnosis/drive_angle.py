@@ -60,6 +60,7 @@ class DriveLaw:
         angle_error: Standard error of the motor's angle that follows, RMS over the motions [rad at the motor].
         explained: Share of the accelerometers' variance between 0.4 and 12 Hz [-].
         covariance: Of ln K_p, ln K_i, J_f and K_v, shape (4, 4).
+        motions: How many it was found on.
     """
 
     gain: float
@@ -70,6 +71,25 @@ class DriveLaw:
     angle_error: float = 0.0
     explained: float = 1.0
     covariance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((4, 4)))
+    motions: int = 0
+
+    def finding(self) -> str:
+        """What a user reads of it."""
+        explained = f"{100.0 * self.explained:.3g} % of the accelerometers from {LOWEST} Hz on"
+        if not self.credible:
+            return (
+                f"motor angle not recorded in {self.motions} motions, and no law of the drive explains the torque log "
+                f"({explained}): the speed command is followed; record the motor's angle"
+            )
+        gain, integral = np.sqrt(np.diag(self.covariance))[:2]
+        more = (f", feed-forward {self.ahead:.3g} kg m^2" if self.ahead else "") + (
+            f", position loop {self.outer:.3g} 1/s" if self.outer else ""
+        )
+        return (
+            f"motor angle not recorded in {self.motions} motions: taken from the drive's law, read backwards from its "
+            f"torque (at the output K_p {self.gain:.4g} N m s/rad +- {100.0 * gain:.1f} %, K_i {self.integral:.4g} "
+            f"N m/rad +- {100.0 * integral:.1f} %{more}; {explained}), to {self.angle_error:.2g} rad at the motor"
+        )
 
     @property
     def credible(self) -> bool:
@@ -140,7 +160,7 @@ def followed_angle(motor: Drive, command: Drive, initial_angle: float, law: Driv
 
 
 def drive_law(problem: Problem) -> DriveLaw | None:
-    """The law by output error on the accelerometers; ``None`` where nothing hears the motions, or it is not credible.
+    """The law by output error on the accelerometers, credible or not; ``None`` where none of them hears blind motions.
 
     J_f and K_v are taken in one by one while they pay.
     """
@@ -167,14 +187,14 @@ def drive_law(problem: Problem) -> DriveLaw | None:
         best = better
     ratio = problem.rig.reduction_ratio or 1.0
     lags = np.concatenate([log.lag(_law(best.x, total)) for log in logs])
-    law = replace(
+    return replace(
         _law(best.x, total),
         lag=ratio * float(np.sqrt(np.mean(np.square(lags)))),
         angle_error=ratio * _angle_error(logs, best, total),
         explained=best.explained,
         covariance=_covariance(best, total),
+        motions=len(logs),
     )
-    return law if law.credible else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,9 +51,10 @@ def prepare(campaign: Campaign) -> Problem:
         )
     problem = finished(campaign, runs)
     law = drive_law(problem)
-    if law is not None:
+    drive = () if law is None else (law.finding(),)
+    if law is not None and law.credible:
         problem = finished(campaign, _prepared(campaign, law), law)
-    return replace(problem, findings=(*offsets, *problem.findings))
+    return replace(problem, findings=(*offsets, *problem.findings, *drive))
 
 
 def _prepared(campaign: Campaign, law: DriveLaw | None) -> tuple[PreparedRun, ...]:

@@ -156,6 +156,7 @@ def test_the_angle_is_found_whatever_friction_the_model_lacks(builders, hit, of)
     assert law.integral * 0.7 == pytest.approx(Loop().integral, rel=0.06)
     assert (law.ahead, law.outer) == (0.0, 0.0)
     assert law.lag == pytest.approx(1.0, abs=0.2)
+    assert "taken from the drive's law" in problem.findings[-1]
     for run in followed(problem):
         assert not run.observed.rate_signal and observer_corner(run) == LAW_HZ
         assert all(o.high_pass is None for o in run.outputs)
@@ -173,7 +174,9 @@ def test_feed_forward_and_a_position_loop_are_found(builders, hit, of, loop):
 
 def test_a_drive_at_its_limit_is_refused_and_its_command_followed(builders, hit, of):
     runs, _ = of(Loop(limit=45.0))
-    for run in followed(prepare(builders.campaign_of([hit, *runs]))):
+    problem = prepare(builders.campaign_of([hit, *runs]))
+    assert "the speed command is followed" in problem.findings[-1]
+    for run in followed(problem):
         assert run.observed.rate_signal and run.observed.law is None and observer_corner(run) == COMMAND_HZ
         assert {o.high_pass for o in run.outputs} == {DRIFT_CORNER}
 
