@@ -28,12 +28,15 @@ from jointscope.recordings.bandlimited import bandlimited
 
 Vector = NDArray[np.float64]
 _Heard = tuple[
-    Vector, "Callable[[DriveLaw], Vector]"
-]  # what an accelerometer says in the band, and its model of a law
+    Vector, "Callable[[DriveLaw], Vector]", float
+]  # an accelerometer's band, its model of a law, rate [Hz]
 
 LOWEST, HIGHEST = 0.4, 12.0  # Hz: above an accelerometer's drift, below most joints' resonances
-EXPLAINED = 0.8  # of the accelerometers' variance in that band: the least with which a law is believed
-FLOOR = 1e-4  # of that variance: less is the joint's model's own error, and no term of a law is told by it
+SLOW = 3.0  # Hz; what drives move below it stands out of an accelerometer's noise
+EXPLAINED = 0.8  # of the accelerometers' variance from 0.4 to 3 Hz: the least with which a law is believed
+FLOOR = (
+    1e-4  # of the variance in the band: less is the joint's model's own error, and no term of a law is told by it
+)
 PAYS = 4.0  # times: how far J_f or K_v must bring the misfit down; a wrong joint is not told from them by less
 KNOWN = 0.3  # rad at the motor, or of the lag: the largest standard error of an angle that is believed
 STARTS_HZ = (1.5, 4.0, 12.0)  # bandwidths of speed loops
@@ -58,7 +61,7 @@ class DriveLaw:
         outer: K_v, gain of a position loop around it [1/s].
         lag: RMS of what the motor lags behind its command [rad at the motor].
         angle_error: Standard error of the motor's angle that follows, RMS over the motions [rad at the motor].
-        explained: Share of the accelerometers' variance between 0.4 and 12 Hz [-].
+        explained: Share of the accelerometers' variance between 0.4 and 3 Hz [-].
         covariance: Of ln K_p, ln K_i, J_f and K_v, shape (4, 4).
         motions: How many it was found on.
     """
@@ -75,7 +78,7 @@ class DriveLaw:
 
     def finding(self) -> str:
         """What a user reads of it."""
-        explained = f"{100.0 * self.explained:.3g} % of the accelerometers from {LOWEST} Hz on"
+        explained = f"{100.0 * self.explained:.3g} % of the accelerometers from {LOWEST} to {SLOW} Hz"
         if not self.credible:
             return (
                 f"motor angle not recorded in {self.motions} motions, and no law of the drive explains the torque log "
@@ -191,7 +194,7 @@ def drive_law(problem: Problem) -> DriveLaw | None:
         _law(best.x, total),
         lag=ratio * float(np.sqrt(np.mean(np.square(lags)))),
         angle_error=ratio * _angle_error(logs, best, total),
-        explained=best.explained,
+        explained=_explained(heard, _law(best.x, total)),
         covariance=_covariance(best, total),
         motions=len(logs),
     )
@@ -202,8 +205,19 @@ class _Fit:
     x: Vector
     free: tuple[int, ...]
     cost: float  # share of the variance, outliers counted less
-    explained: float
     covariance: NDArray[np.float64]
+
+
+def _explained(heard: Sequence[_Heard], law: DriveLaw) -> float:
+    """Share of the variance of what is heard below 3 Hz."""
+    left, whole = 0.0, 0.0
+    for recorded, model, rate in heard:
+        both = np.stack([recorded - model(law), recorded])
+        if SLOW < 0.4 * rate:
+            both = signal.sosfiltfilt(signal.butter(2, SLOW, fs=rate, output="sos"), both)
+        rest, all_of_it = np.mean(np.square(both), axis=1)
+        left, whole = left + float(rest), whole + float(all_of_it)
+    return 1.0 - left / (whole + 1e-300)
 
 
 def _at_bandwidth(hertz: float) -> Vector:
@@ -226,13 +240,13 @@ def _covariance(fit: _Fit, total: float) -> NDArray[np.float64]:
 def _fit(heard: Sequence[_Heard], start: Vector, free: tuple[int, ...], total: float) -> _Fit:
     """Least squares in the parameters that are ``free``; K_v can't be negative, or E would run off."""
     chosen = np.array(free)
-    size = 0.3 * float(np.sqrt(np.mean(np.concatenate([recorded**2 for recorded, _ in heard])))) + 1e-300
+    size = 0.3 * float(np.sqrt(np.mean(np.concatenate([recorded**2 for recorded, *_ in heard])))) + 1e-300
 
     def rest(values: Vector) -> Vector:
         x = start.copy()
         x[chosen] = values
         law = _law(x, total)
-        return np.concatenate([recorded - model(law) for recorded, model in heard]) / size
+        return np.concatenate([recorded - model(law) for recorded, model, _ in heard]) / size
 
     low = np.where(chosen == 3, 0.0, -np.inf)
     found = optimize.least_squares(
@@ -245,7 +259,6 @@ def _fit(heard: Sequence[_Heard], start: Vector, free: tuple[int, ...], total: f
         x=x,
         free=free,
         cost=2.0 * 0.3**2 / left.size * float(found.cost),
-        explained=1.0 - 0.3**2 * float(np.mean(left**2)),
         covariance=_scatter(found.jac, left) + np.diag(_SYSTEMATIC[chosen] ** 2),
     )
 
@@ -315,4 +328,4 @@ def _heard(log: Log, output: Output, b: dict[str, float], top: float) -> _Heard:
                 y = high_pass(y, corner, output.rate)
         return band_passed(y)
 
-    return band_passed(output.data), model
+    return band_passed(output.data), model, output.rate / step

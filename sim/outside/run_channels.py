@@ -53,7 +53,7 @@ def streams_of(case: Case, place: int, wiring: Wiring) -> tuple[Channels, Channe
         (log if devices.arm_on_log and devices.two else daq).append(arm)
     if not take.hit and not sliding:
         log = [*_torque(case, place, wiring), *_motor(case, record, wiring), *log]
-        if "command" in record and ((devices.motor and wiring.command) or not devices.torque):
+        if "command" in record and (wiring.command or not devices.torque):
             log.append(
                 Channel(column="w_cmd", quantity="speed-command", unit="rad/s", location="motor", role="input",
                         samples=record["command"])
