@@ -28,6 +28,7 @@ class Take:
     motor_half: np.ndarray
     outputs: tuple
     run: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(experiment=KEY[0]))
+    observed: None = None
     mode: str = "braked"
     t0: float = 0.0
     grid_rate: float = RATE
