@@ -145,6 +145,32 @@ def grown(
     return found
 
 
+def contained(
+    objective: Objective,
+    base: Fit,
+    leader: Hypothesis,
+    candidates: Sequence[ActiveEffect],
+    known: Mapping[tuple[str, ...], float],
+    effort: Effort,
+) -> list[Hypothesis]:
+    """Fit the laws that a law of the leader contains from where the leader is, where their own fits are far behind.
+
+    The simpler law may have ended in a valley of the base that the wider one got out of.
+
+    Args:
+        known: Loss of the sets whose fits exist already, by name.
+    """
+    found: list[Hypothesis] = []
+    far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+    for place in _places(leader):
+        narrower = {inner for inner, outer in CONTAINED if outer == place.spec.name}
+        trials = [c for c in candidates if c.spec.name in narrower and c.spec.location == place.spec.location]
+        if trials and known.get(names_of((*place.kept, trials[0].spec)), math.inf) > far:
+            active = _nearest(objective, place.theta, place.others, _same_numbers(trials, place.effect))
+            found.extend(_in_place(objective, base, place, active, effort))
+    return found
+
+
 def reshaped(
     objective: Objective,
     base: Fit,

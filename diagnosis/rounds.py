@@ -24,7 +24,7 @@ from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances
-from jointscope.diagnosis.rivals import BEHIND, grown, reshaped, rivals, strangers
+from jointscope.diagnosis.rivals import BEHIND, contained, grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
@@ -216,8 +216,8 @@ def explore(
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(arena, outside, effort)
-    first_leader, known = arena.hypotheses[0], _losses(arena)
-    alike = rivals(arena.objective, arena.base.fit, first_leader, candidates, known, effort)
+    known = _losses(arena)
+    alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
     leaders = _to_grow(arena, effort.beam + 1)
     wider = [h for leader in leaders for h in grown(arena.objective, arena.base.fit, leader, candidates, effort)]
     alike.extend(wider)
@@ -230,13 +230,9 @@ def explore(
     found = [h for leader in later for h in grown(arena.objective, arena.base.fit, leader, candidates, effort)]
     if found:
         arena = settled(arena, found, effort)
-    if (
-        arena.hypotheses[0].specs != first_leader.specs
-    ):  # what took the lead since may have found the base's better valley
-        leader, known = arena.hypotheses[0], _losses(arena)
-        found = rivals(arena.objective, arena.base.fit, leader, candidates, known, effort)
-        if found:
-            arena = settled(arena, found, effort)
+    pairs.extend(
+        contained(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, _losses(arena), effort)
+    )
     report("fitting pairs")
     distinct = {
         h.names: h for h in reversed(arena.hypotheses)

@@ -17,8 +17,8 @@ from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
-from jointscope.diagnosis.rivals import _elsewhere, _freer
-from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.rivals import _elsewhere, _freer, contained
+from jointscope.diagnosis.search import Effort, Hypothesis, candidates_for, profile_loss
 from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
 
 
@@ -216,3 +216,29 @@ def test_a_stop_is_sought_where_hits_reach_to_and_not_where_a_model_drifts_to(pr
     assert sum(-1e-3 < place < 2e-3 for place in places) == 4 + 1  # and the middle of the travel
     sizes = replace(sizes, held_low=0.0, held_high=0.0)
     assert len({values[0] for values in stop.starts(replace(problem, scales=sizes))}) == 7
+
+
+def test_the_simpler_friction_is_fitted_from_where_the_wider_one_is(problem, recorded):
+    """A Coulomb friction stuck far behind the Stribeck friction that contains it; one that is near is let be."""
+    spec = law(problem, "stribeck-friction", "rounded", "motor")
+    effects = (candidates_for(problem, (spec,))[0],)
+    candidates = candidates_for(problem, (law(problem, "coulomb-friction", "rounded", "motor"),))
+    problem, truth = recorded(problem, 1e-3, effects=effects), problem.base.start
+    name = ("coulomb-friction@motor",)
+    runs = tuple(range(len(problem.runs)))
+    with ThreadPoolExecutor(1) as pool:
+        objective = Objective(problem, predict_outputs, runs, pool)
+        objective = whitened(objective, white(problem.runs), objective.predictions(truth, effects))
+
+        def at(*active):
+            where = coordinates(problem, tuple(e.spec for e in active))
+            x = where.pack(truth, active)
+            w = objective.residual(x, where)
+            return Fit(where, x, w, objective.columns(x, where, w, range(where.n)), math.nan, False, True, 1)
+
+        base, wide = at(), at(*effects)
+        leader = Hypothesis((spec,), wide, profile_loss(objective, wide.w))
+        stuck = contained(objective, base, leader, candidates, {name: math.inf}, Effort())
+        near = contained(objective, base, leader, candidates, {name: -math.inf}, Effort())
+    assert [h.names for h in stuck] == [name]
+    assert near == []
