@@ -76,6 +76,7 @@ def write_report(models: Models, answer: dict[str, Any], free: Free, folder: Pat
         tables.ranking(answer, sliding=sliding),
         tables.parameters(answer),
         tables.shift(answer),
+        *tables.findings(answer),
         *tables.menu(answer),
         *tables.not_seen(answer),
         provenance_section(provenance.campaign, provenance.command),

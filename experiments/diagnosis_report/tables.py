@@ -175,6 +175,12 @@ def _fit(value: float | None) -> str:
     return "silent" if value is None else f"{100.0 * (1.0 - value):.4g} %"
 
 
+def findings(answer: Mapping[str, Any]) -> list[Section]:
+    """What was found in the recordings on the way and put right, or taken for granted."""
+    found = tuple(f"{finding[:1].upper()}{finding[1:]}." for finding in answer.get("findings", ()))
+    return [Section(heading="What was found on the way", text=found)] if found else []
+
+
 def not_seen(answer: Mapping[str, Any]) -> list[Section]:
     """The sizes that these recordings would have shown, of every effect that was not found."""
     found = answer.get("not_seen")

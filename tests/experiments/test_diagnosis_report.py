@@ -3,11 +3,13 @@
 import math
 import re
 import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import butter, freqz_sos, sosfilt
 
+from jointscope.commands.diagnose import summary
 from jointscope.diagnosis.constancy import Change, changes_json
 from jointscope.diagnosis.effects import REGISTRY
 from jointscope.diagnosis.noise import BlockNoise
@@ -308,6 +310,20 @@ def test_what_could_not_be_seen_is_told_in_the_trades_unit():
     (section,) = tables.not_seen({"not_seen": [row]})
     assert "0.200 arcmin" in str(section.table.rows) and "the weight closes it" in str(section.table.rows)
     assert tables.not_seen({"not_seen": []}) == []
+
+
+def test_what_was_put_right_on_the_way_is_told():
+    """A reader of the page or of the terminal learns that a sensor was turned, or an angle taken from a drive's law."""
+    told = {
+        **answer("none", held=False),
+        "held_out_reason": "one run",
+        "parameters": {},
+        "findings": ["angle at the motor (run r1): polarity inverted"],
+    }
+    (section,) = tables.findings(told)
+    assert section.text == ("Angle at the motor (run r1): polarity inverted.",)
+    assert tables.findings({"findings": []}) == []
+    assert "found on the way: angle at the motor (run r1): polarity inverted\n" in summary(told, Path("out"))
 
 
 def test_markup_stands_in_the_page_as_it_is_and_text_is_escaped():

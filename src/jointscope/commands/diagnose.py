@@ -240,6 +240,7 @@ def summary(answer: dict[str, Any], out: Path) -> str:
         lines += held_out_lines(held)
     else:
         lines.append(f"nothing was held out: {answer['held_out_reason']}")
+    lines.extend(f"found on the way: {finding}" for finding in answer.get("findings", []))
     lines += _simulation_lines(answer.get("simulation"))
     if answer["next_experiment"]:
         lines.append(f"record next: {answer['next_experiment']}")
