@@ -39,6 +39,7 @@ FLOOR = (
 )
 PAYS = 4.0  # times: how far J_f or K_v must bring the misfit down; a wrong joint is not told from them by less
 KNOWN = 0.3  # rad at the motor, or of the lag: the largest standard error of an angle that is believed
+LONG = 1.0  # s; shorter records say nothing of a slow loop
 STARTS_HZ = (1.5, 4.0, 12.0)  # bandwidths of speed loops
 _REST = 8  # samples before the command moves: the fewest that T_0 is read from
 _STILL = 1e-3  # of the largest command: below it nothing moves
@@ -48,6 +49,10 @@ _PER_PERIOD = 6  # samples kept per period of the highest frequency
 _LAGS = 50  # of those samples over which a misfit may be correlated
 _SYSTEMATIC = np.array([0.015, 0.05, 0.0, 0.0])  # what left-out physics does to the gains: the median of 21 cases
 _SCALES = np.array([0.3, 0.3, 0.1, 1.0])  # of ln K_p, ln K_i, J_f over the inertia, K_v [1/s]
+_LEAST = np.array(
+    [-9.0, -9.0, -10.0, 0.0]
+)  # bounds of the same: 2e-5 to 3e6 of the inertia; with K_v < 0 E runs off
+_MOST = np.array([15.0, 15.0, 10.0, 1e3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +176,8 @@ def drive_law(problem: Problem) -> DriveLaw | None:
     if b["stiffness"] <= 0.0:
         return None
     top = min(HIGHEST, math.sqrt(b["stiffness"] / b["load_inertia"]) / (4.0 * math.pi))
+    if top < 2.0 * LOWEST:
+        return None
     logs, heard = [], []
     for run in problem.runs:
         log = _blind(run)
@@ -238,7 +245,7 @@ def _covariance(fit: _Fit, total: float) -> NDArray[np.float64]:
 
 
 def _fit(heard: Sequence[_Heard], start: Vector, free: tuple[int, ...], total: float) -> _Fit:
-    """Least squares in the parameters that are ``free``; K_v can't be negative, or E would run off."""
+    """Least squares in the parameters that are ``free``."""
     chosen = np.array(free)
     size = 0.3 * float(np.sqrt(np.mean(np.concatenate([recorded**2 for recorded, *_ in heard])))) + 1e-300
 
@@ -248,9 +255,9 @@ def _fit(heard: Sequence[_Heard], start: Vector, free: tuple[int, ...], total: f
         law = _law(x, total)
         return np.concatenate([recorded - model(law) for recorded, model, _ in heard]) / size
 
-    low = np.where(chosen == 3, 0.0, -np.inf)
+    bounds = (_LEAST[chosen], _MOST[chosen])
     found = optimize.least_squares(
-        rest, start[chosen], x_scale=_SCALES[chosen], bounds=(low, np.inf), loss="soft_l1", max_nfev=60
+        rest, start[chosen], x_scale=_SCALES[chosen], bounds=bounds, loss="soft_l1", max_nfev=60
     )
     x = start.copy()
     x[chosen] = found.x
@@ -297,7 +304,9 @@ def _blind(run: PreparedRun) -> Log | None:
 
 
 def _hears(output: Output, top: float) -> bool:
-    """Whether an output is a whole record of the arm's tangential acceleration, in SI, fast enough."""
+    """Whether an output is a whole record of the arm's tangential acceleration, in SI, long and fast enough."""
+    if output.times.size < output.rate * LONG:
+        return False
     arm = output.quantity in ACCELERATIONS and output.location != "motor" and output.direction == "tangential"
     return arm and output.calibrated and output.rate > 4.0 * top and bool(np.all(output.mask[:-TAIL]))
 

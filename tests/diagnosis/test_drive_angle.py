@@ -188,6 +188,23 @@ def test_no_law_is_sought_where_the_angle_was_recorded(builders, hit, rough):
     assert not followed(problem)[0].observed.commanded
 
 
+def test_where_nothing_can_be_heard_of_the_drive_no_law_is_sought(builders, hit, of, edited):
+    """A joint too soft for the band, a record shorter than the loop, an accelerometer without a unit."""
+    runs, _ = of(Loop())
+    problem = prepare(builders.campaign_of([hit, *runs]))
+    commanded = [
+        replace(r, observed=replace(r.observed, law=None)) for r in problem.runs if r.observed is not None
+    ]
+    at = problem.base.names.index("stiffness")
+    soft = problem.base.start.copy()
+    soft[at] = 1.0
+    assert drive_law(replace(problem, runs=tuple(commanded))) is not None
+    assert drive_law(replace(problem, runs=tuple(commanded), base=replace(problem.base, start=soft))) is None
+    for change in ({"calibrated": False}, {"times": commanded[0].outputs[0].times[:500]}):
+        deaf = tuple(replace(r, outputs=tuple(replace(o, **change) for o in r.outputs)) for r in commanded)
+        assert drive_law(replace(problem, runs=deaf)) is None
+
+
 def test_a_held_out_motion_has_no_say_in_the_law(builders, hit, of, edited):
     runs, _ = of(Loop())
     held = replace(runs[1], role="validate")
