@@ -215,7 +215,7 @@ def observer_corner(run: PreparedRun) -> float:
     the recorded motion does, not when a drifted model does. A joint's resonance sets the limit where there is one.
     """
     if run.observed is not None and run.observed.commanded:
-        return COMMAND_HZ if run.observed.rate_signal else LAW_HZ
+        return COMMAND_HZ if run.observed.law is None else LAW_HZ
     if run.spring or run.motor_moves or run.observed is None:
         return OBSERVER_HZ
     return min(RIGID_OBSERVER_HZ, max(OBSERVER_HZ, RATE_SHARE * run.observed.signal.rate))

@@ -86,8 +86,8 @@ class DriveLaw:
         explained = f"{100.0 * self.explained:.3g} % of the accelerometers from {LOWEST} to {SLOW} Hz"
         if not self.credible:
             return (
-                f"motor angle not recorded in {self.motions} motions, and no law of the drive explains the torque log "
-                f"({explained}): the speed command is followed; record the motor's angle"
+                f"motor angle not recorded in {self.motions} motions, and no law of the drive gives it ({explained}, to "
+                f"{self.angle_error:.2g} rad at the motor): the speed command is followed; record the motor's angle"
             )
         gain, integral = np.sqrt(np.diag(self.covariance))[:2]
         more = (f", feed-forward {self.ahead:.3g} kg m^2" if self.ahead else "") + (

@@ -37,12 +37,14 @@ class Relogged:
         samples: As :attr:`inputs.Drive.samples`, shape (LOGS + AGAIN, n).
         motor_half: As :attr:`problem.PreparedRun.motor_half`, shape (LOGS + AGAIN, 2 steps + 1).
         observed: The angle that each of them gives to follow; empty where it does not come from the torque.
+        observed_half: The same as :attr:`problem.PreparedRun.observed_half`.
     """
 
     motor: Drive
     samples: Vector
     motor_half: Vector
     observed: tuple[Observed, ...] = ()
+    observed_half: tuple[Vector, ...] = ()
 
 
 def relogged(run: PreparedRun) -> Relogged | None:
@@ -63,10 +65,11 @@ def relogged(run: PreparedRun) -> Relogged | None:
         if law is not None and run.command is not None:
             likely = law.drawn(np.random.default_rng([SEED, turn]))  # one drive's law: the same in all of its runs
             logged = replace(motor, samples=samples[-1])
-            angles.append(followed_angle(logged, run.command, run.initial_angle, likely))
-    return Relogged(
-        motor, np.stack(samples), np.stack(halves), tuple(angle for angle in angles if angle is not None)
-    )
+            angle = followed_angle(logged, run.command, run.initial_angle, likely)
+            if angle is not None:
+                angles.append(angle)
+    paths = tuple(angle.signal(half) for angle in angles)
+    return Relogged(motor, np.stack(samples), np.stack(halves), tuple(angles), paths)
 
 
 def driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:
@@ -76,5 +79,4 @@ def driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:
     run = replace(run, motor=drive, motor_half=relog.motor_half[turn])
     if not relog.observed:
         return run
-    half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-    return replace(run, observed=relog.observed[turn], observed_half=relog.observed[turn].signal(half))
+    return replace(run, observed=relog.observed[turn], observed_half=relog.observed_half[turn])

@@ -77,7 +77,7 @@ def rivals(
         known: Loss of the sets whose fits exist already, by name.
     """
     found: list[Hypothesis] = []
-    far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+    far = _far_behind(objective, base, leader)
     done = {names for names, loss in known.items() if loss < far}
     for place in _places(leader):
         for name in place.spec.look_alikes:
@@ -161,7 +161,7 @@ def contained(
         known: Loss of the sets whose fits exist already, by name.
     """
     found: list[Hypothesis] = []
-    far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+    far = _far_behind(objective, base, leader)
     for place in _places(leader):
         narrower = {inner for inner, outer in CONTAINED if outer == place.spec.name}
         trials = [c for c in candidates if c.spec.name in narrower and c.spec.location == place.spec.location]
@@ -181,7 +181,7 @@ def reshaped(
 ) -> list[Hypothesis]:
     """Fit the other laws of the leader's names from its own numbers, where none of ``hypotheses`` is as near."""
     found: list[Hypothesis] = []
-    far = leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+    far = _far_behind(objective, base, leader)
     done = {frozenset(id(s) for s in h.specs) for h in hypotheses if h.loss < far}
     for place in _places(leader):
         spec = place.spec
@@ -200,6 +200,11 @@ def reshaped(
             )
             found.extend(_in_place(objective, base, place, active, effort))
     return found
+
+
+def _far_behind(objective: Objective, base: Fit, leader: Hypothesis) -> float:
+    """The loss from which on a fit may have got stuck."""
+    return leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
 
 
 @dataclass(frozen=True, eq=False)

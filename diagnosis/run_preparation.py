@@ -54,9 +54,7 @@ def prepare_run(
     prescribed = _prescribed(recorded)
     observed = None if prescribed is not None else _observed(recorded, rig, run)
     if two and observed is None and prescribed is None and motor is not None and command is not None:
-        if law is not None and run.initial == "rest":
-            observed = followed_angle(without_noise(motor, log_noise), command, run.arm_angle, law)
-        observed = observed or Observed("motor", True, command.signal, command.device, commanded=True)
+        observed = Observed("motor", True, command.signal, command.device, commanded=True)
     mode = _mode(two, held, spring, prescribed, observed, load, motor, command, run)
     if mode is None:
         return None
@@ -67,6 +65,9 @@ def prepare_run(
         load = without_noise(load)
     if mode not in ("observer",):
         observed = None
+    blind = observed is not None and observed.commanded and run.initial == "rest"
+    if blind and law is not None and motor is not None and command is not None:
+        observed = followed_angle(motor, command, run.arm_angle, law) or observed
     end = max((s.times[-1] for s in recorded), default=0.0)
     declared = tuple(_declared(s, rig, run, daq, end) for s in run.signals if _foretold(s))
     if mode == "braked":
@@ -293,7 +294,7 @@ def _output(
     if run.initial == "estimate":
         mask &= times >= (times[0] if times.size else 0.0) + SETTLING
     corner = None
-    adrift = mode == "torque-driven" or (observed is not None and observed.commanded and observed.rate_signal)
+    adrift = mode == "torque-driven" or (observed is not None and observed.commanded and observed.law is None)
     if adrift and channel.quantity in ACCELERATIONS:
         corner = DRIFT_CORNER
     low_cutoff = channel.low_cutoff if channel.coupling == "ac" else None

@@ -134,7 +134,8 @@ def _stands_for(plan: Plan, runs: Sequence[int], run: int) -> float:
     return kinds.count(kinds[run]) / sum(kinds[other] == kinds[run] for other in runs)
 
 
-def _whitener(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> Whitener:
+def whitener(rig: Rig, plan: Plan, noise: Noise, runs: Sequence[int], base: Record) -> Whitener:
+    """What makes the misfits of ``runs`` white, ``base`` their clean channels."""
     weights = _weights(rig, plan, noise, runs, base)
     size = sum(2 * w.size for channels in weights for w in channels.values())
     pushed, kept, first = [np.zeros((size, 0))], [np.zeros(0)], 0
@@ -225,7 +226,7 @@ def yardstick(rig: Rig, plan: Plan, noise: Noise) -> Yardstick:
     plan = replace(plan, timestep=STEP)
     runs = representatives(plan)
     base = rehearse(rig, plan, (), runs)
-    white = _whitener(rig, plan, noise, runs, base)
+    white = whitener(rig, plan, noise, runs, base)
     origin = white(misfit_of(rig, plan, runs, base, base))
     braked_only = all(plan.takes[i].braked for i in runs)
     columns: list[Real] = []

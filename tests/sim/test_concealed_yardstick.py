@@ -7,7 +7,7 @@ import pytest
 
 from jointscope.sim.concealed.bench import draw_bench
 from jointscope.sim.concealed.rehearsal import clean_channels
-from jointscope.sim.concealed.yardstick import STEP, _whitener, representatives, whiten
+from jointscope.sim.concealed.yardstick import STEP, representatives, whiten, whitener
 
 N = 2400
 
@@ -50,7 +50,7 @@ def test_a_louder_hit_lies_along_what_the_force_cells_noise_does(hits):
     takes = list(plan.takes)
     takes[run] = replace(takes[run], force=1.01 * takes[run].force)
     louder = clean_channels(rig, replace(plan, takes=tuple(takes)), run, ())
-    white = _whitener(rig, plan, noise, (run,), [base])
+    white = whitener(rig, plan, noise, (run,), [base])
     change = {name: louder[name] - base[name] for name in white.weights[0]}
     w = whiten([change], white.weights)
     along = white.pushed.T @ w
@@ -68,10 +68,10 @@ def test_what_is_kept_makes_noise_of_both_kinds_white(hits):
     noise = replace(noise, force=50.0)
     runs = representatives(plan)
     base = [clean_channels(rig, plan, run, ()) for run in runs]
-    white = _whitener(rig, plan, noise, runs, base)
+    white = whitener(rig, plan, noise, runs, base)
     assert white.pushed.T @ white.pushed == pytest.approx(np.eye(white.kept.size), abs=1e-9)
     assert np.all((white.kept > 0.0) & (white.kept <= 1.0)) and white.kept.min() < 0.05
-    silent = _whitener(rig, plan, replace(noise, force=0.0), runs, base)
+    silent = whitener(rig, plan, replace(noise, force=0.0), runs, base)
     assert silent.kept.size == 0
     assert silent(base) == pytest.approx(whiten(base, silent.weights))
     assert np.linalg.norm(white(base)) < np.linalg.norm(silent(base))
