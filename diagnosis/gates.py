@@ -9,7 +9,8 @@ REAL = 30.0  # nats beyond the Occam cost: on five draws nothing below 50 was na
 UNASKED = 0.5  # of what is asked of the fitted runs, where the held-out ones give all of it by themselves
 REAL_FURTHER = 25.0  # the same of any further effect, which has the rest of an imperfect law to feed on
 OF_PARENT = (
-    0.03  # and of the parent's own gain over the base, less where the parent explains nothing of that channel
+    0.03  # and of the parent's own gain over the base, less where the parent explains nothing of that channel, or the
+    # child nearly all that the parent leaves there
 )
 IN_EVIDENCE = 0.3  # of the parent's gain, fitted and held out, that makes a further effect beyond doubt
 CARRIES_OVER = 0.06  # held-out gain over what the same kind of runs gained in the fit, per sample
@@ -79,7 +80,7 @@ class Comparison:
     @property
     def real(self) -> bool:
         """Beyond chance on the fitted runs, or half so on them where the held-out ones are by themselves."""
-        of_parent = OF_PARENT * self.parent_gain * (1.0 - self.share**2)
+        of_parent = OF_PARENT * self.parent_gain * (1.0 - self.share**2) * (1.0 - self.rest)
         needed = REAL if self.parents == 0 else max(REAL_FURTHER, of_parent)
         return self.beyond(needed)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.periodic import PHASES, slower_lines
@@ -24,7 +25,6 @@ from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
     at_own_size,
-    candidates_for,
     fit_child,
     name_of,
     names_of,

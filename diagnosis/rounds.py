@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
+from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.energies import error_energies, improvement
+from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
@@ -29,8 +31,6 @@ from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
     Screening,
-    candidates_for,
-    extend,
     fit_pairs,
     fit_singles,
     name_of,
@@ -128,16 +128,6 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
     return gain > PROMISING * added and material > MATERIAL
 
 
-def residuals_of(stage: Stage) -> list[list[Vector]]:
-    """Data less the base's prediction for every run and output of the problem; zeros for runs that were not fitted."""
-    runs = stage.objective.problem.runs
-    found = [[np.zeros(len(o.data)) for o in run.outputs] for run in runs]
-    for position, predicted in zip(stage.objective.runs, stage.predictions, strict=True):
-        pairs = zip(runs[position].outputs, predicted, strict=True)
-        found[position] = [np.where(o.mask, o.data - y, 0.0) for o, y in pairs]
-    return found
-
-
 def _to_grow(arena: Arena, count: int, grown_already: Sequence[Hypothesis] = ()) -> list[Hypothesis]:
     """The leading single effects, and the best law of each other name that is not far behind the first."""
     singles = [h for h in arena.hypotheses if len(h.specs) == 1]
@@ -202,9 +192,10 @@ def explore(
         outside: Laws that may only lead: physics outside the contract's table, where the forward model knows any.
     """
     problem = stage.objective.problem
-    left = residuals_of(stage)
+    left = residuals_of(stage.objective, stage.predictions)
     own = (*per_run_specs(stage, problem), *several_bends(stage, left))
     candidates = candidates_for(problem, (*specs, *own), left)
+    laws = list({id(a.spec): a.spec for a in candidates}.values())
     first = opened(stage, candidates, effort)
     report(f"screening {len(candidates)} trials of {len(specs)} candidate laws")
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
@@ -238,7 +229,7 @@ def explore(
         h.names: h for h in reversed(arena.hypotheses)
     }  # another law of the same name finds the same partners
     for parent in sorted(distinct.values(), key=lambda h: h.loss)[: effort.beam]:
-        pairs.extend(extend(arena.objective, parent, screening, effort))
+        pairs.extend(extensions(arena.objective, arena.base.fit, parent, laws, screening, effort))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
@@ -249,5 +240,5 @@ def explore(
             if not _worth_more(arena, size - 1):
                 break
         report(f"fitting sets of {size}")
-        pairs = extend(arena.objective, arena.hypotheses[0], screening, effort)
+        pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
     return screening, _with_strangers(arena, outside, effort)

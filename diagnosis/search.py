@@ -22,24 +22,21 @@ from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.screen import (
     Trial,
     best_per_spec,
-    one_sided,
     pairs,
     refined,
     resized,
     screen,
     tangent,
-    trial_effects,
 )
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
-    from jointscope.diagnosis.prepare import Problem
 
 Vector = NDArray[np.float64]
 
 CONTAINED = (("coulomb-friction", "stribeck-friction"),)
-THINNED = 3  # every third of a grid of lines or modes is kept where the residual itself shows where to start
 TOGETHER = 1.2  # times what its members explain alone, that a pair explains which no search from either would meet
+ABOUT_RIGHT = (0.5, 2.0)  # of a trial's size, asked for by its own screening
 NEARLY_NOTHING = 0.02  # of the amplitude the screening asked for: the safe start
 
 
@@ -239,33 +236,6 @@ def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffe
     return Screening(tuple(leading), tuple(trials), positions, few, parents.w, parents_few.w)
 
 
-def rescreen(
-    objective: Objective, parent: Fit, before: Screening, effort: Effort, taken: tuple[str, ...]
-) -> list[Trial]:
-    """Score on top of a fitted hypothesis: all trials to first order by their old directions, the leading ones anew."""
-    w = before.objective.residual(parent.x, parent.coordinates)
-    few = objective.restricted(before.positions)
-    jacobian = _converted(parent.jacobian[objective.rows(before.positions)], few, before.objective)
-    then = tangent(w, jacobian)
-    directions = np.stack([t.direction for t in before.trials], axis=1)
-    basis = then.basis.astype(np.float32)
-    left = directions - basis @ (basis.T @ directions)
-    size = np.einsum("ij,ij->j", left, left).astype(float)
-    inner = (left.T @ then.w.astype(np.float32)).astype(float)
-    admitted = (inner > 0.0) | np.array([not one_sided(t.spec) for t in before.trials])
-    gains = np.where((size > 0.01) & admitted, inner**2 / np.maximum(size, 0.01), 0.0)
-    chosen: dict[int, Trial] = {}
-    for k in np.argsort(-gains, kind="stable"):
-        trial = before.trials[k]
-        if name_of(trial.spec) not in taken and not contained(name_of(trial.spec), taken):
-            chosen.setdefault(id(trial.spec), trial)
-        if len(chosen) == effort.refine:
-            break
-    parents = tangent(parent.w, parent.jacobian)
-    trials = screen(objective, parent, parents, parent.w, [t.active for t in chosen.values()])
-    return refined(objective, parent, parents, parent.w, best_per_spec(trials)[: effort.refine // 2])
-
-
 def contained(name: str, taken: tuple[str, ...]) -> bool:
     """Whether an effect is a part of one that is there already, or holds it: Coulomb's law within Stribeck's."""
     for inner, outer in CONTAINED:
@@ -276,20 +246,6 @@ def contained(name: str, taken: tuple[str, ...]) -> bool:
     return False
 
 
-def _converted(jacobian: NDArray[np.float64], new: Objective, old: Objective) -> NDArray[np.float64]:
-    """Columns whitened by ``new`` brought to the scale of ``old``; neither filters while the search goes on."""
-    rows = []
-    for position, piece in enumerate(new.slices):
-        ratio = np.concatenate(
-            [
-                (b.weight[b.keep] / b.sigma) / (a.weight[a.keep] / a.sigma)
-                for a, b in zip(new.whiteners[position].filters, old.whiteners[position].filters, strict=True)
-            ]
-        )
-        rows.append(jacobian[piece] * ratio[:, None])
-    return np.concatenate(rows)
-
-
 def leaders(trials: Sequence[Trial], count: int, worth: float, taken: tuple[str, ...] = ()) -> list[Trial]:
     """The best trials of distinct names (two laws of one name at most), leaving out names that are taken."""
     seen: dict[str, int] = {}
@@ -298,7 +254,7 @@ def leaders(trials: Sequence[Trial], count: int, worth: float, taken: tuple[str,
         name = name_of(trial.spec)
         if trial.gain < worth or name in taken or seen.get(name, 0) >= 2:
             continue
-        if seen.get(name, 0) == 1 and len(found) > count // 2:
+        if seen.get(name, 0) == 1 and len(found) >= count // 2:
             continue
         seen[name] = seen.get(name, 0) + 1
         found.append(trial)
@@ -308,7 +264,13 @@ def leaders(trials: Sequence[Trial], count: int, worth: float, taken: tuple[str,
 
 
 def at_own_size(trial: Trial) -> ActiveEffect:
-    """The effect at the amplitude its screening asked for, within reach."""
+    """The effect at the amplitude its screening asked for, within reach; a frequency that is about right stays.
+
+    To first order in its compliance a narrow resonance is anywhere.
+    """
+    parameter = trial.spec.parameters[trial.spec.amplitude]
+    if parameter.name == "frequency" and ABOUT_RIGHT[0] < trial.factor < ABOUT_RIGHT[1]:
+        return trial.active
     if trial.factor <= 0.0:
         return resized(trial.active, trial.factor if trial.factor < 0 else NEARLY_NOTHING)
     return resized(trial.active, float(np.clip(trial.factor, 0.05, 2.0)))
@@ -317,12 +279,13 @@ def at_own_size(trial: Trial) -> ActiveEffect:
 def fit_singles(objective: Objective, base: Fit, screening: Screening, effort: Effort) -> list[Hypothesis]:
     """Fit the leading single effects; modes of a frequency of their own are laid out by ``resonances``."""
     trials = [t for t in screening.leading if not t.spec.of_own_frequency]
-    return _fit_leading(objective, base, (), leaders(trials, effort.singles, effort.worth), effort)
+    return fit_leading(objective, base, (), leaders(trials, effort.singles, effort.worth), effort)
 
 
-def _fit_leading(
+def fit_leading(
     objective: Objective, parent: Fit, specs: tuple[EffectSpec, ...], trials: Sequence[Trial], effort: Effort
 ) -> list[Hypothesis]:
+    """Fit every trial on top of the parent, whose effects obey ``specs``."""
     found: list[Hypothesis] = []
     for trial in trials:
         best = min(found, key=lambda h: h.loss, default=None)
@@ -363,37 +326,4 @@ def fit_pairs(
             fit = fit_child(objective, base, [at_own_size(trial) for trial in pair.trials], effort)
             if fit is not None:
                 found.append(Hypothesis(specs, fit, profile_loss(objective, fit.w)))
-    return found
-
-
-def extend(objective: Objective, parent: Hypothesis, before: Screening, effort: Effort) -> list[Hypothesis]:
-    """Fit the parent's best extensions by one effect."""
-    trials = leaders(
-        rescreen(objective, parent.fit, before, effort, parent.names), effort.children, effort.worth, parent.names
-    )
-    return _fit_leading(objective, parent.fit, parent.specs, trials, effort)
-
-
-def candidates_for(
-    problem: Problem, specs: Sequence[EffectSpec], residuals: Sequence[Sequence[Vector]] = ()
-) -> list[ActiveEffect]:
-    """Every trial of every effect that these channels and experiments can show.
-
-    Laws with few shapes are tried small, medium and large: what play or friction does at one size is no guide to
-    another. Lines and modes start also where ``residuals`` (data less the base, per run and output) show them.
-    """
-    found: list[ActiveEffect] = []
-    for spec in specs:
-        if spec.possible(problem) is None:
-            shapes = len(spec.starts(problem))
-            sizes = (0, 1, 2) if shapes == 1 else (0, 1) if shapes <= 3 else (1,)
-            smaller = tuple(range(-spec.decades, 0))
-            trials = trial_effects(spec, problem, (*smaller, *sizes))
-            dense = spec.residual_starts is not None and spec.family != "periodic"  # a wrong phase hides an order
-            found.extend(trials[::THINNED] if dense and residuals else trials)
-            if spec.residual_starts is not None and residuals:
-                for shape in spec.residual_starts(problem, residuals):
-                    for scale in spec.scale(problem)[:2]:
-                        values = [*shape[: spec.amplitude], scale, *shape[spec.amplitude :]]
-                        found.append(ActiveEffect(spec, tuple(float(v) for v in values)))
     return found

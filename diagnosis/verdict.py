@@ -130,7 +130,10 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
         if nested or (lead > NEARER * between and between > SAME):
             heat = TEMPERATURE
         else:
-            heat = temperature(top)
+            common = values.get(tuple(sorted(set(judged.names) & set(leader.names))))
+            heat = temperature(
+                top - max(common[0], 0.0) if common else top
+            )  # a form that both share is off in both
         modes = foreknown(judged.fit.coordinates.unpack(judged.fit.x)[1]) if judged.names else 0.0
         found.append(-lead / heat + SPARING[min(len(judged.names), 3)] + modes)
     return found

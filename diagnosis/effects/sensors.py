@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.diagnosis.effects.lines import Residuals, response_peaks
 from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     ParameterSpec,
@@ -84,6 +85,13 @@ def _resonance_sizes(problem: Problem) -> tuple[float, float, float]:
     return rate, (rate * strong) ** 0.5, strong
 
 
+def _ringing(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
+    """Frequency and damping where what a model leaves rings with the input: a light mount is missed by a few per cent."""
+    low, high = BEYOND_THE_JOINT * problem.scales.frequency, 0.45 * _rate(problem)
+    peaks = response_peaks(problem, residuals, low, high, 3) if low < high else ()
+    return tuple((f, damping) for f in peaks for damping in (0.02, 0.1))
+
+
 def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {"frequency": (BEYOND_THE_JOINT * problem.scales.frequency, 20.0 * _rate(problem))}
 
@@ -142,6 +150,7 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=lambda problem: ((0.05,), (0.3,)),
         possible=needs_accelerometer,
         limits=_resonance_limits,
+        residual_starts=_ringing,
     ),
     EffectSpec(
         name="sensor-resonance",

@@ -80,7 +80,8 @@ class EffectSpec:
         possible: ``None``, or why these recordings can't show it.
         limits: Bounds by parameter name for the rig at hand.
         run_weights: Amplitude's factor in each run (payload: which runs carry it; drift per run: how far), or ``None``.
-        residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``.
+        residual_starts: Further starts from what a model leaves (per run, per output: data - prediction), or ``None``;
+            of all parameters where the size is a frequency, else of all others.
         proportional: Positions of parameters that are resized with the amplitude (a breakaway torque, say).
         profiled: Numbers that are fitted anew in every run, held-out ones too (a phase, say).
         decades: How often a tenth of the smallest size is tried too: a law with a threshold is another one at each.

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.candidates import residuals_of
 from jointscope.diagnosis.effects import BENDS, ActiveEffect
 from jointscope.diagnosis.errors import channel_errors
 from jointscope.diagnosis.modal import several_bends
@@ -16,7 +17,6 @@ from jointscope.diagnosis.model_file import model_json, read_model_json
 from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.predict_file import predict_campaign
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.rounds import residuals_of
 from jointscope.diagnosis.split import split_runs
 from jointscope.diagnosis.superposition import modal_acceleration
 
@@ -80,7 +80,7 @@ def hits_of(builders, plant):
 def found_in(campaign):
     problem = prepare(campaign)
     stage = refit_base(problem, predict_outputs, split_runs(problem).estimate, ThreadPoolExecutor(1))
-    return several_bends(stage, residuals_of(stage)), problem
+    return several_bends(stage, residuals_of(stage.objective, stage.predictions)), problem
 
 
 def test_a_mode_answers_a_sine_by_its_accelerance():

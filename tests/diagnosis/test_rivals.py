@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, at_rig, catalogue
 from jointscope.diagnosis.effects.modes import INBOARD
@@ -18,7 +19,7 @@ from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.rivals import _elsewhere, _freer, contained
-from jointscope.diagnosis.search import Effort, Hypothesis, candidates_for, profile_loss
+from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
 from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
 
 

@@ -13,6 +13,7 @@ from jointscope.diagnosis import rounds, search
 from jointscope.diagnosis.acquisition import relogged
 from jointscope.diagnosis.answer import diagnosis_json
 from jointscope.diagnosis.base import representative
+from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.pipeline import diagnose
@@ -20,7 +21,7 @@ from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.resolution import PLATEAU, clips
 from jointscope.diagnosis.screen import score, tangent
-from jointscope.diagnosis.search import candidates_for, with_orders_held
+from jointscope.diagnosis.search import with_orders_held
 from jointscope.recordings.bandlimited import bandlimited
 
 RATE = -0.09  # 1/s

@@ -1,11 +1,14 @@
 """Which hypotheses stand: over the best law of each part, and beyond what a search finds by chance."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
-from jointscope.diagnosis import adjudicate
+from jointscope.diagnosis import adjudicate, verdict
+from jointscope.diagnosis.gates import Comparison
+from jointscope.diagnosis.verdict import SURE_OF_SETS, rank
 
 STANDS, FAILS = SimpleNamespace(gain=200.0, stands=True), SimpleNamespace(gain=0.0, stands=False)
 
@@ -46,3 +49,32 @@ def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monk
     found = adjudicate.standing(SimpleNamespace(base=base, judged=(base, best, inferior, pair)))
     assert (pair in found) is stands
     assert best in found and inferior in found
+
+
+def test_a_further_effect_that_explains_nearly_all_that_is_left_needs_no_share_of_a_strong_parent():
+    """Friction in the gears beside a motor's, 1.5 % of its evidence and 97 % of what it leaves; 40 % may be its form's."""
+    weak = Comparison(
+        gain=5900.0, held_gain=670.0, expected_held=2000.0, foretold_held=680.0, share_of_runs=1.0, lost=0.0,
+        material=0.0095, share=0.125, parents=1, parent_gain=448e3, rest=0.97,
+    )  # fmt: skip
+    assert weak.stands
+    assert not replace(weak, rest=0.4).real
+    assert replace(weak, rest=0.4, gain=14e3).real
+
+
+@pytest.mark.parametrize(("shared", "sure"), [(3000.0, True), (0.0, False)])
+def test_a_form_that_both_sets_share_is_off_in_both(monkeypatch, shared, sure):
+    """21 nats of 3900 between two partners: decisive where all but a thousand are the shared effect's own."""
+    scores = {(): 0.0, ("a@motor",): shared, ("a@motor", "b@load"): 3921.0, ("a@motor", "c@load"): 3900.0}
+    judged = [SimpleNamespace(names=names) for names in scores]
+    monkeypatch.setattr(verdict, "standing", lambda j: judged[1:])
+    monkeypatch.setattr(verdict, "score", lambda j, one: scores[one.names])
+    monkeypatch.setattr(verdict, "contains", lambda outer, inner: False)
+    monkeypatch.setattr(verdict, "resembled", lambda one: None)
+    monkeypatch.setattr(verdict, "distance", lambda *_: 1e4)
+    monkeypatch.setattr(verdict, "foreknown", lambda effects: 0.0)
+    monkeypatch.setattr(verdict, "compare", lambda *_: None)
+    for one in judged:
+        one.fit = SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, ())))
+    top = rank(SimpleNamespace(judged=judged, base=judged[0]))[0]
+    assert top.names == ("a@motor", "b@load") and (top.probability > SURE_OF_SETS) is sure

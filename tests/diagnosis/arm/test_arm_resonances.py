@@ -18,9 +18,9 @@ from jointscope.diagnosis.arm.pipeline import EFFORT
 from jointscope.diagnosis.arm.predict import predict_outputs
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.resonances import resonances
-from jointscope.diagnosis.rounds import opened, residuals_of
-from jointscope.diagnosis.search import candidates_for
+from jointscope.diagnosis.rounds import opened
 
 BRAKED = {"a": "brake", "b": "brake"}
 RIGID = (
@@ -53,7 +53,9 @@ def found(folder, simulated, stated):
     problem = prepare_arm(planar.campaign_of(folder, runs))
     with ThreadPoolExecutor(1) as pool:
         stage = refit_base(problem, predict_outputs, (0, 1), pool)
-        candidates = candidates_for(problem, arm_catalogue(problem), residuals_of(stage))
+        candidates = candidates_for(
+            problem, arm_catalogue(problem), residuals_of(stage.objective, stage.predictions)
+        )
         arena = opened(stage, candidates, EFFORT)
         return arena.base, resonances(arena.objective, arena.base.fit, candidates)
 
