@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 THINNED = 3  # every third of a grid of lines or modes is kept where the residual itself shows where to start ...
+WIDTHS = 2  # in which every peak of a mode is tried
 FEW = ("periodic", "sensor-gain")  # ... but of these: a wrong phase hides an order, and a sensor has few starts
 
 
@@ -40,7 +41,7 @@ def candidates_for(
             dense = spec.residual_starts is not None and spec.family not in FEW
             found.extend(trials[::THINNED] if dense and residuals else trials)
             if residuals:
-                found.extend(where_shown(problem, (spec,), residuals, (0, 1)))
+                found.extend(where_shown(problem, (spec,), residuals, (0, 1), 1))
     return found
 
 
@@ -49,13 +50,19 @@ def where_shown(
     specs: Sequence[EffectSpec],
     residuals: Sequence[Sequence[Vector]],
     sizes: Sequence[int] = (0,),
+    every: int = WIDTHS,
 ) -> list[ActiveEffect]:
-    """Lines and modes where ``residuals`` show them, of these ``sizes`` (0 small, 1 medium)."""
+    """Lines and modes where ``residuals`` show them, of these ``sizes`` (0 small, 1 medium).
+
+    Args:
+        every: How many of a mode's shapes go to one that is tried.
+    """
     found: list[ActiveEffect] = []
     for spec in specs:
         if spec.residual_starts is None:
             continue
-        for shape in spec.residual_starts(problem, residuals):
+        shapes = spec.residual_starts(problem, residuals)
+        for shape in shapes[::every] if spec.family == "mode" else shapes:
             whole = len(shape) == len(spec.parameters)  # of a frequency that is the size itself
             for size in () if whole else sizes:
                 values = [*shape[: spec.amplitude], spec.scale(problem)[size], *shape[spec.amplitude :]]

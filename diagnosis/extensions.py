@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
     from jointscope.diagnosis.objective import Objective
 
-AFAR = 300.0  # nats between base and parent, beyond which directions taken at the one say little of the other
+AFAR = (
+    300.0  # nats between base and parent, beyond which directions and residuals at the one say little of the other
+)
 LAWS = 2  # of one name that are tried: seven of friction would leave no place for a spring's
 
 
@@ -40,17 +42,17 @@ def extensions(
 ) -> list[Hypothesis]:
     """The parent's best extensions by one effect.
 
-    A line or a mode may show only in what the parent leaves, so those of ``specs`` start there as well.
+    Far from the base, lines and modes of ``specs`` start from what the parent leaves, and other laws are scored anew.
 
     Args:
         base: The base's fit under the noise of ``objective``.
         before: The screening on top of the base.
     """
-    theta, effects = parent.fit.coordinates.unpack(parent.fit.x)
-    left = residuals_of(objective, objective.predictions(theta, effects))
-    new = where_shown(objective.problem, specs, left)
+    new: list[ActiveEffect] = []
     if 0.5 * (base.chi2 - parent.fit.chi2) > AFAR:
-        new.extend(_some_of_each(before))
+        theta, effects = parent.fit.coordinates.unpack(parent.fit.x)
+        left = residuals_of(objective, objective.predictions(theta, effects))
+        new = [*where_shown(objective.problem, specs, left), *_some_of_each(before)]
     tried = _alternatives(objective, parent, before, effort, new)
     trials = leaders(_scored(objective, parent.fit, tried, effort), effort.children, effort.worth, parent.names)
     return fit_leading(objective, parent.fit, parent.specs, trials, effort)
