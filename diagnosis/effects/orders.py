@@ -29,13 +29,13 @@ Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Line = tuple[float, float]  # order [1] and phase [rad]
 
-TOPS = {True: 60.0, False: 14.0}  # highest order per output, per motor turn
+TOPS = {True: 100.0, False: 14.0}  # highest order per output turn (forty pins, and their second harmonic), per motor turn
 CELLS = 12  # per shortest period, into which samples are put by angle
 FINER = 4  # points of the order's axis per 1/turns
 SMOOTHED_HZ = 2.0  # width over which the residual's spectrum is averaged
 SLOWEST = 0.02  # of the greatest speed, below which a turn shows no line
 COARSE = 160  # orders at which the denominator is worked out
-TURNS = 1.5  # that a run must make
+TURNS = {True: 0.1, False: 1.5}  # that a run must make, of the output and of the motor
 PERIODS = 3.0  # of a line that a run must hold
 FRINGE = 2.5  # of 1/turns, beside the strongest line, within which its fringes are given too
 
@@ -55,14 +55,14 @@ def order_lines(
     grid = np.zeros(0)
     turns = [_turn(run, per_output) for run in problem.runs]
     longest = max((float(np.ptp(t)) for t in turns if t is not None), default=0.0)
-    if longest < TURNS:
+    if longest < TURNS[per_output]:
         return ()
     grid = np.arange(PERIODS / longest, TOPS[per_output], 1.0 / (FINER * longest))
     if grid.size < 3:
         return ()
     gain, together = np.zeros(grid.size), np.zeros(grid.size, dtype=complex)
     for run, turn, rows in zip(problem.runs, turns, residuals, strict=True):
-        if turn is None or float(np.ptp(turn)) < TURNS:
+        if turn is None or float(np.ptp(turn)) < TURNS[per_output]:
             continue
         for output, r in zip(run.outputs, rows, strict=True):
             if output.quantity not in ACCELERATIONS or not np.any(r):

@@ -51,3 +51,17 @@ def test_what_hardly_turns_has_no_lines():
     problem, residuals = bench(2.0, 0.0, "ripple", noise=1.0)
     problem.runs[0].observed_half = 0.01 * problem.runs[0].observed_half
     assert order_lines(problem, residuals, 3, per_output=False, source="ripple") == ()
+
+
+@pytest.mark.parametrize("order", [39.0, 78.0])
+def test_the_pins_of_a_reducer_show_in_a_fifth_of_an_output_turn(order):
+    """Many periods of a high order pass in a travel that is a small part of the output's turn."""
+    problem, residuals = bench(order / RATIO, 1.0, "error", noise=1.0)
+    found = order_lines(problem, residuals, 3, per_output=True, source="error")
+    assert min(abs(line[0] - order) for line in found) < 2.0 * math.pi / 1.3  # one period more or less
+
+
+def test_lines_of_the_output_need_three_periods():
+    problem, residuals = bench(8.0 / RATIO, 1.0, "error", noise=1.0)
+    found = order_lines(problem, residuals, 3, per_output=True, source="error")
+    assert all(line[0] >= 3.0 * 2.0 * math.pi / 1.3 for line in found)
