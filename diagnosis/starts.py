@@ -133,7 +133,8 @@ def _misfit(problem: Problem, start: Vector) -> float:
                 (_quick(output.data, output.rate), _quick(error, output.rate)),
             ):
                 size = float(np.std(data[output.mask])) + 1e-6 * float(np.max(np.abs(data))) + 1e-300
-                share = float(np.sqrt(np.mean(rest**2))) / size
+                with np.errstate(over="ignore"):  # of a start that flies apart
+                    share = float(np.sqrt(np.mean(rest**2))) / size
                 shares.append(min(share, 10.0) if math.isfinite(share) else 100.0)
     return float(np.mean(np.log(np.array(shares) + 1e-9))) if shares else 0.0
 
