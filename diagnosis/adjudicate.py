@@ -23,7 +23,7 @@ from jointscope.diagnosis.energies import Energies, by_experiment, drowned, erro
 from jointscope.diagnosis.gates import REAL, Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
-from jointscope.diagnosis.polish import from_elsewhere, occam, parts_of, polished, viewed
+from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.twins import twins
@@ -146,6 +146,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     alone = min((h.loss for h in everything if len(h.names) == 1), default=math.inf)
     for pair in [h for h in everything if len(h.names) == 2 and h.loss < alone]:
         everything.extend(parts_of(objective, pair, {h.names for h in everything}))
+    everything = no_part_below_the_base(objective, everything)
     everything.extend(twins(objective.problem, everything))
     held, noise, _ = of_further_runs(
         objective, held_runs, noise, MAX_ORDER, *best.fit.coordinates.unpack(best.fit.x)

@@ -16,10 +16,10 @@ from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
     Screening,
-    contained,
     fit_leading,
     leaders,
     name_of,
+    nested,
 )
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _scored(objective: Objective, parent: Fit, tried: Sequence[ActiveEffect], ef
 
 
 def _admitted(spec: EffectSpec, taken: tuple[str, ...]) -> bool:
-    return name_of(spec) not in taken and not contained(name_of(spec), taken)
+    return name_of(spec) not in taken and not nested(name_of(spec), taken)
 
 
 def _converted(jacobian: NDArray[np.float64], new: Objective, old: Objective) -> NDArray[np.float64]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.per_run import labelling_cost
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.rivals import without
-from jointscope.diagnosis.search import Hypothesis, names_of
+from jointscope.diagnosis.screen import resized
+from jointscope.diagnosis.search import NEARLY_NOTHING, Effort, Hypothesis, fit_child, names_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.coordinates import Coordinates
@@ -84,6 +85,33 @@ def parts_of(
                 fit = without(objective, fit, position)
             found.append(polished(objective, Hypothesis(fit.coordinates.effects, fit, math.nan)))
     return found
+
+
+def no_part_below_the_base(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The hypotheses, the base first, with every part of a set that explains something fitted anew where it lost to the base.
+
+    The base is a part of every set, so such a fit is in a valley of its own, and anything would stand over it.
+    """
+    base, *others = hypotheses
+    sets = [set(h.names) for h in others if h.fit.chi2 < base.fit.chi2]
+    best = {h.names: h for h in sorted(others, key=lambda h: -h.fit.chi2)}
+    lost = {
+        id(h)
+        for names, h in best.items()
+        if h.fit.chi2 > base.fit.chi2 and any(set(names) < larger for larger in sets)
+    }
+    return [base, *(_from_the_base(objective, base, h) if id(h) in lost else h for h in others)]
+
+
+def _from_the_base(objective: Objective, base: Hypothesis, lost: Hypothesis) -> Hypothesis:
+    _, effects = lost.fit.coordinates.unpack(lost.fit.x)
+    fit = fit_child(objective, base.fit, effects, Effort())
+    if fit is None:  # it explains nothing
+        theta, _ = base.fit.coordinates.unpack(base.fit.x)
+        where = lost.fit.coordinates
+        x = where.pack(theta, tuple(resized(e, NEARLY_NOTHING) for e in effects))
+        fit = replace(lost.fit, x=x, w=objective.residual(x, where), fresh=False)
+    return replace(lost, fit=fit, loss=0.5 * fit.chi2 + occam(lost, len(fit.w)))
 
 
 def occam(hypothesis: Hypothesis, samples: int) -> float:

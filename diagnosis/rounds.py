@@ -34,6 +34,7 @@ from jointscope.diagnosis.search import (
     fit_pairs,
     fit_singles,
     name_of,
+    nested,
     profile_loss,
     screen_on,
     weightings,
@@ -139,6 +140,20 @@ def _to_grow(arena: Arena, count: int, grown_already: Sequence[Hypothesis] = ())
     return [h for h in chosen if id(h.specs[0]) not in done]
 
 
+def _parents(arena: Arena, count: int) -> list[Hypothesis]:
+    """The leading sets that find partners of their own: other laws of a name, or one that it contains, find the same."""
+    found: dict[tuple[str, ...], Hypothesis] = {}
+    for h in sorted(arena.hypotheses, key=lambda h: h.loss):
+        if not any(_same_partners(h.names, names) for names in found):
+            found[h.names] = h
+    return list(found.values())[:count]
+
+
+def _same_partners(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    apart = sorted(set(one) ^ set(other))
+    return not apart or (len(apart) == 2 and len(one) == len(other) and nested(apart[0], (apart[1],)))
+
+
 def _losses(arena: Arena) -> dict[tuple[str, ...], float]:
     """Loss of the best fit of every set that has the leading set's own laws of what both hold."""
     leader = arena.hypotheses[0]
@@ -225,10 +240,7 @@ def explore(
         contained(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, _losses(arena), effort)
     )
     report("fitting pairs")
-    distinct = {
-        h.names: h for h in reversed(arena.hypotheses)
-    }  # another law of the same name finds the same partners
-    for parent in sorted(distinct.values(), key=lambda h: h.loss)[: effort.beam]:
+    for parent in _parents(arena, effort.beam):
         pairs.extend(extensions(arena.objective, arena.base.fit, parent, laws, screening, effort))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):

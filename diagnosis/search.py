@@ -236,7 +236,7 @@ def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffe
     return Screening(tuple(leading), tuple(trials), positions, few, parents.w, parents_few.w)
 
 
-def contained(name: str, taken: tuple[str, ...]) -> bool:
+def nested(name: str, taken: tuple[str, ...]) -> bool:
     """Whether an effect is a part of one that is there already, or holds it: Coulomb's law within Stribeck's."""
     for inner, outer in CONTAINED:
         for location in ("motor", "load"):
@@ -319,7 +319,7 @@ def fit_pairs(
             names = names_of(specs)
             if tried == effort.pairs or pair.gain < effort.worth:
                 break
-            if names in seen or len(names) < 2 or contained(names[0], names[1:]):
+            if names in seen or len(names) < 2 or nested(names[0], names[1:]):
                 continue
             seen.add(names)
             tried += 1

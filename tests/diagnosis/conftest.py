@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +13,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
+from jointscope.diagnosis.base import whitened
+from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.noise import white
+from jointscope.diagnosis.objective import Objective
+from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.refit import Fit
 from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
 
 G = 9.80665
@@ -250,3 +257,26 @@ def builders():
         replace = staticmethod(replace)
 
     return Builders
+
+
+@pytest.fixture
+def fitted():
+    """The objective of a problem under white noise, and the maker of fits as they stand at given values."""
+    pools = []
+
+    def made(problem, *truth):
+        pools.append(ThreadPoolExecutor(2))
+        objective = Objective(problem, predict_outputs, tuple(range(len(problem.runs))), pools[-1])
+        objective = whitened(objective, white(problem.runs), objective.predictions(problem.base.start, truth))
+
+        def at(theta, *active):
+            where = coordinates(problem, tuple(e.spec for e in active))
+            x = where.pack(theta, active)
+            w = objective.residual(x, where)
+            return Fit(where, x, w, objective.columns(x, where, w, range(where.n)), math.nan, False, True, 1)
+
+        return objective, at
+
+    yield made
+    for pool in pools:
+        pool.shutdown()

@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import extensions as extending
-from jointscope.diagnosis.base import whitened
 from jointscope.diagnosis.candidates import candidates_for, residuals_of, where_shown
-from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.extensions import extensions
-from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.screen import Trial
 from jointscope.diagnosis.search import Effort, Hypothesis, at_own_size, profile_loss, screen_on
 
@@ -25,29 +21,6 @@ NOISE = 2e-3  # of each channel's rms
 
 def law(problem, name, variant):
     return next(s for s in catalogue(problem) if s.name == name and s.variant == variant)
-
-
-@pytest.fixture
-def fitted():
-    """The objective of a problem under white noise, and the maker of fits as they stand at given values."""
-    pools = []
-
-    def made(problem, *truth):
-        pools.append(ThreadPoolExecutor(2))
-        objective = Objective(problem, predict_outputs, tuple(range(len(problem.runs))), pools[-1])
-        objective = whitened(objective, white(problem.runs), objective.predictions(problem.base.start, truth))
-
-        def at(theta, *active):
-            where = coordinates(problem, tuple(e.spec for e in active))
-            x = where.pack(theta, active)
-            w = objective.residual(x, where)
-            return Fit(where, x, w, objective.columns(x, where, w, range(where.n)), math.nan, False, True, 1)
-
-        return objective, at
-
-    yield made
-    for pool in pools:
-        pool.shutdown()
 
 
 def test_a_light_mount_starts_where_the_residual_rings(problem, recorded):

@@ -232,6 +232,25 @@ def test_what_is_near_the_first_grows_too_but_not_again():
     assert rounds._to_grow(SimpleNamespace(hypotheses=(), base=arena.base), 3) == []
 
 
+def test_parents_find_partners_of_their_own():
+    """Coulomb's law is a part of Stribeck's: what one of them would be extended by, the other is too."""
+
+    def fitted(loss, *names):
+        return SimpleNamespace(names=names, loss=loss)
+
+    stribeck, coulomb = "stribeck-friction@motor", "coulomb-friction@motor"
+    first, again = fitted(0.0, stribeck), fitted(1.0, stribeck)
+    delay, elsewhere = fitted(9.0, "delay@acquisition"), fitted(10.0, "coulomb-friction@load")
+    arena = SimpleNamespace(hypotheses=(first, again, fitted(2.0, coulomb), delay, elsewhere))
+    assert rounds._parents(arena, 2) == [first, delay]
+    assert rounds._parents(arena, 9) == [first, delay, elsewhere]
+    with_both = fitted(3.0, coulomb, "delay@acquisition")
+    arena = SimpleNamespace(
+        hypotheses=(fitted(2.0, coulomb), with_both, fitted(4.0, "delay@acquisition", stribeck))
+    )
+    assert rounds._parents(arena, 9) == [arena.hypotheses[0], with_both]
+
+
 @pytest.mark.parametrize(("apart", "fitted"), [(0.3, [("law-0", "law-1")]), (3.0, [])])
 def test_pairs_that_undo_each_other_are_fitted_though_neither_leads(monkeypatch, apart, fitted):
     """A pair that explains a fifth more than its members do alone; not one whose members are found one by one."""

@@ -1,0 +1,55 @@
+"""Refits under the common noise: no part of a set may be a worse fit than the base, which is a part of every set."""
+
+import pytest
+
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.polish import no_part_below_the_base
+from jointscope.diagnosis.search import Hypothesis
+
+NOISE = 2e-3  # of each channel's rms
+
+
+def law(problem, name, variant):
+    return next(s for s in catalogue(problem) if s.name == name and s.variant == variant)
+
+
+@pytest.fixture
+def sets(problem, recorded, fitted):
+    """Base, a part and the set of a joint that softens and whose sensor resonates; ``part`` at given base parameters."""
+    cubic, mount = law(problem, "stiffness-nonlinearity", "cubic"), law(problem, "sensor-resonance", "mount")
+    bent, ringing = ActiveEffect(cubic, (3.0 * cubic.scale(problem)[1],)), ActiveEffect(mount, (120.0, 0.05))
+    data = recorded(problem, NOISE, effects=(bent, ringing))
+    objective, at = fitted(data, bent, ringing)
+    theta = data.base.start
+
+    def made(part_theta):
+        return objective, [
+            Hypothesis((), at(theta), 0.0),
+            Hypothesis((mount,), at(part_theta, ringing), 0.0),
+            Hypothesis((cubic, mount), at(theta, bent, ringing), 0.0),
+        ]
+
+    return theta, made
+
+
+def test_a_part_in_a_valley_of_its_own_is_fitted_from_the_base(sets):
+    theta, made = sets
+    lost = theta.copy()
+    lost[0] *= 0.5
+    objective, (base, part, whole) = made(lost)
+    assert part.fit.chi2 > base.fit.chi2 > whole.fit.chi2
+    again = no_part_below_the_base(objective, [base, part, whole])
+    assert again[0] is base and again[2] is whole
+    assert again[1].specs == part.specs
+    assert again[1].fit.chi2 < base.fit.chi2
+
+
+def test_parts_that_explain_something_and_sets_without_a_larger_one_stay(sets):
+    theta, made = sets
+    objective, fits = made(theta)
+    assert fits[1].fit.chi2 < fits[0].fit.chi2
+    assert no_part_below_the_base(objective, fits) == fits
+    lost = theta.copy()
+    lost[0] *= 0.5
+    objective, (base, part, _) = made(lost)
+    assert no_part_below_the_base(objective, [base, part]) == [base, part]  # nothing stands over it
