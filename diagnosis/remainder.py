@@ -29,6 +29,7 @@ Vector = NDArray[np.float64]
 LAGS = np.arange(-4, 13, 2) * 1e-3  # s; past inputs count further back than coming ones
 N_REGRESSORS = 2 * len(LAGS) + 2
 RIDGE = 1e-6
+COLOURED = 3.0  # times what the white part of a log's noise does, which is all that the log shows of its noise
 FOLLOWS = 20.0  # nats, net of Occam, above which a residual is said to follow the input
 
 
@@ -40,6 +41,7 @@ class Remainder:
         gain: On the fitted runs, net of Occam [nats].
         held_gain, foretold: On the held-out runs, found and due if true [nats].
         material: RMS of what is explained over the signal's [-].
+        echo: The same of what the white noise of a torque log makes the model do; 0 where no log drives it.
     """
 
     key: Key
@@ -47,12 +49,14 @@ class Remainder:
     held_gain: float
     foretold: float
     material: float
+    echo: float = 0.0
 
     @property
     def stands(self) -> bool:
-        """Real, carried over and material."""
+        """Real, carried over, material, and more than the noise of the input may do, which follows its log too."""
         due = max(HELD, AS_FORETOLD * self.foretold)
-        return self.gain > FOLLOWS and self.held_gain > due and self.material > MATERIAL
+        least = max(MATERIAL, COLOURED * self.echo)
+        return self.gain > FOLLOWS and self.held_gain > due and self.material > least
 
 
 def _regressors(run: PreparedRun, output: Output, predicted: Vector) -> NDArray[np.float64]:
@@ -132,8 +136,17 @@ def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
         held_gain = 0.5 * float(kept.w @ kept.w - (kept.w - change) @ (kept.w - change)) / dispersion
         explained = fitted.raw[:, alive] @ step
         material = math.sqrt(float(explained @ explained) / fitted.signal) if fitted.signal > 0.0 else 0.0
-        found.append(Remainder(key, gain, held_gain, 0.5 * float(change @ change) / dispersion, material))
+        foretold = 0.5 * float(change @ change) / dispersion
+        echo = _echo(judgement, key, fitted.signal + kept.signal)
+        found.append(Remainder(key, gain, held_gain, foretold, material, echo))
     return tuple(sorted(found, key=lambda r: -r.gain))
+
+
+def _echo(judgement: Judgement, key: Key, signal: float) -> float:
+    """RMS of what the noise of a torque log does in this kind of channel, over the signal's [-]."""
+    experiment, _, quantity, location, direction = key[:5]
+    energy = judgement.echo.energies.get((experiment, quantity, location, direction), 0.0)
+    return math.sqrt(energy / signal) if signal > 0.0 else 0.0
 
 
 def remainder_json(left: Sequence[Remainder]) -> list[dict[str, Any]]:

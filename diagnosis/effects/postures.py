@@ -5,12 +5,17 @@ tangent at q = q_e, kappa = X/d where it turns about a parallel axis at the dist
 radius of the centre of percussion. So the modal share is share C^2, and a point of the arm at radius r moves by a + b/r
 times what it moves at the joint (see ``modes``),
 
-    a = kappa/(kappa + cos(q - q_e)),    b = X cos(q - q_e)/(kappa + cos(q - q_e)),
+    a = kappa/(kappa + cos(q - q_e)),    b = X cos(q - q_e)/(kappa + cos(q - q_e)).
 
-q the run's arm angle: vibrations are small beside it, and in motions a carrier's mode is faint.
+It also carries the arm's mass, less of it the more the arm gives way about its own joint: with M_12 what couples the two
+(J_L + m l d cos(q - q_e), or m l cos(q - q_e) where it slides), its inertia against a free joint is M_22 - M_12^2/J_L,
+
+    M(q)/M(q_e) = 1 + share sin^2(q - q_e)/(1 + kappa)^2,
+
+by which its frequency squared, its share and twice its damping ratio times its frequency fall. q is the run's arm angle: vibrations are small beside it, and in motions a carrier's mode is faint.
 
 Facts used as tests: at a right angle to a sliding mount's direction nothing is seen of it; at q = q_e it is the mount of
-``modes``; half a turn away a mount that slides is the same.
+``modes``; half a turn away a mount that slides is the same; the frequencies are those of two rigid bodies on their springs.
 """
 
 from __future__ import annotations
@@ -41,8 +46,10 @@ def _turned(assembly: Assembly, values: Values, weight: float) -> None:
     felt = kappa + cosine
     if abs(felt) < NEXT_TO_NOTHING:
         felt = math.copysign(NEXT_TO_NOTHING, felt)
-    share *= (felt / (1.0 + kappa)) ** 2
-    carried(assembly, (frequency, share, damping), kappa / felt, percussion * cosine / felt)
+    heavier = 1.0 + share * (1.0 - cosine**2) / (1.0 + kappa) ** 2
+    share *= (felt / (1.0 + kappa)) ** 2 / heavier
+    slower = math.sqrt(heavier)
+    carried(assembly, (frequency / slower, share, damping / slower), kappa / felt, percussion * cosine / felt)
 
 
 def _postures(possible: Possible) -> Possible:

@@ -84,7 +84,11 @@ def mount(building: Building, location: str, variant: str, p: Parameters) -> str
     if "direction" in p:
         eccentricity = p.get("eccentricity", 0.0)
         building.law(
-            "mount-posture", direction=p["direction"], eccentricity=eccentricity, reach=p["percussion_radius"]
+            "mount-posture",
+            direction=p["direction"],
+            eccentricity=eccentricity,
+            reach=p["percussion_radius"],
+            share=p["modal_share"],
         )
     return "joint 'base' and actuators 'mount torque', 'mount force'"
 

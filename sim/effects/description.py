@@ -109,7 +109,8 @@ def _edit(spec: mujoco.MjSpec, law: Law, run: Run, frame: Frame) -> None:
         felt, turn, slide = _felt(law, run)
         mount = spec.joint("base")
         factor = ((1.0 + law["eccentricity"]) / felt) ** 2
-        mount.armature *= factor
+        across = math.sin(run.arm_angle - law["direction"]) / (1.0 + law["eccentricity"])
+        mount.armature *= factor * (1.0 + law["share"] * across**2)
         mount.stiffness[0] *= factor
         mount.damping[0] *= factor
         for name, gear in (("mount torque", turn - 1.0), ("mount force", slide)):

@@ -34,11 +34,12 @@ def test_a_sliding_mount_is_felt_by_the_square_of_the_cosine_and_moves_a_sensor_
     theta = postures.base.start
     for run in postures.runs[:2]:
         P = build(run, theta, (mount(postures),), postures).P
-        assert P[k.BASE_SHARE] == pytest.approx(0.1 * math.cos(run.initial_angle) ** 2)
+        heavier = 1.0 + 0.1 * math.sin(run.initial_angle) ** 2
+        assert P[k.BASE_SHARE] == pytest.approx(0.1 * math.cos(run.initial_angle) ** 2 / heavier)
         assert P[k.BASE_TURN] == 0.0
         assert P[k.BASE_SLIDE] == pytest.approx(0.7)
     across = build(postures.runs[2], theta, (mount(postures),), postures).P
-    assert across[k.BASE_SHARE] == pytest.approx(0.1 * NEXT_TO_NOTHING**2, rel=1e-6)
+    assert across[k.BASE_SHARE] == pytest.approx(0.1 * NEXT_TO_NOTHING**2 / 1.1, rel=1e-6)
 
 
 def test_along_its_direction_it_is_the_mount_of_one_posture_and_half_a_turn_away_the_same(postures):
@@ -59,6 +60,41 @@ def test_a_carrier_far_from_its_axis_slides_and_one_on_its_axis_turns_in_every_p
         near = build(run, theta, (ActiveEffect(spec, (20.0, 0.1, 0.02, 0.7, 0.0, 50.0)),), postures).P
         assert near[k.BASE_SHARE] == pytest.approx(0.1, rel=0.02)
         assert near[k.BASE_TURN] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("distance", [None, 0.25, 1.1])
+def test_frequencies_are_those_of_two_rigid_bodies_in_every_posture(postures, distance):
+    """Joint and carrier on their springs, the joint's motor held: a mount that slides, or a carrier at a distance [m]."""
+    m, centre, J_L, K, k_2, own = 6.0, 0.5, 3.0, 1.9e5, 4e5, 5.0  # own: the carrier's inertia, or its mass
+    at = 0.2  # where it is felt most
+    theta = postures.base.start.copy()
+    names = list(postures.base.names)
+    theta[names.index("stiffness")], theta[names.index("load_inertia")] = K, J_L
+
+    def matrix(q):
+        cosine = math.cos(q - at)
+        if distance is None:
+            coupling, inertia = m * centre * cosine, own + m
+        else:
+            lever = m * centre * distance * cosine
+            coupling, inertia = J_L + lever, own + J_L + m * distance**2 + 2.0 * lever
+        return np.array([[inertia, coupling], [coupling, J_L]])
+
+    def frequencies(mass, stiffness):
+        return np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(mass, np.diag(stiffness))).real))
+
+    M = matrix(at)
+    effective = M[0, 0] - M[0, 1] ** 2 / J_L
+    kappa = 0.0 if distance is None else J_L / (m * centre * distance)
+    values = (math.sqrt(k_2 / effective) / (2.0 * math.pi), M[0, 1] ** 2 / (J_L * effective), 0.02)
+    variant, tail = ("sliding-mount-turned", ()) if distance is None else ("carrier-turned", (kappa,))
+    effect = ActiveEffect(spec_of(postures, variant), (*values, J_L / (m * centre), at, *tail))
+    for run in postures.runs[:2]:
+        P = build(run, theta, (effect,), postures).P
+        carried = J_L / P[k.BASE_SHARE]
+        modal = np.array([[carried + J_L, J_L], [J_L, J_L]])
+        expected = frequencies(matrix(run.initial_angle), (k_2, K))
+        np.testing.assert_allclose(frequencies(modal, (carried * P[k.BASE_OMEGA] ** 2, K)), expected, rtol=1e-9)
 
 
 def test_one_posture_does_not_show_it(builders, plant):

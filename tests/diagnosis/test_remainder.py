@@ -93,3 +93,10 @@ def test_what_the_input_explains_as_well_is_not_named(problem, recorded, decidin
         of_named = Remainder(key, left, left, left, 0.01)
         of_base = Remainder(key, gain, held_gain, held_gain, 0.01)
         assert with_followed_input(decision, (of_named,), (of_base,)).verdict == verdict
+
+
+@pytest.mark.parametrize(("echo", "stands"), [(0.0, True), (0.002, True), (0.004, False)])
+def test_what_the_noise_of_the_input_may_do_is_no_mismatch(echo, stands):
+    """A log shows the white part of its noise only; coloured noise of the same log rings by a few times as much."""
+    key = ("speed-motion", False, "wind-up", "transmission", "tangential", -1.0, 1000.0)
+    assert Remainder(key, 200.0, 150.0, 140.0, 0.01, echo).stands == stands
