@@ -12,7 +12,8 @@ It also carries the arm's mass, less of it the more the arm gives way about its 
 
     M(q)/M(q_e) = 1 + share sin^2(q - q_e)/(1 + kappa)^2,
 
-by which its frequency squared, its share and twice its damping ratio times its frequency fall. q is the run's arm angle: vibrations are small beside it, and in motions a carrier's mode is faint.
+by which its frequency squared, its share and twice its damping ratio times its frequency fall. q is the run's arm angle:
+vibrations are small beside it, and in motions a carrier's mode is faint.
 
 Facts used as tests: at a right angle to a sliding mount's direction nothing is seen of it; at q = q_e it is the mount of
 ``modes``; half a turn away a mount that slides is the same; the frequencies are those of two rigid bodies on their springs.

@@ -1,6 +1,7 @@
 """Effects that act in some runs: a drift takes even steps, in an order that the campaign's own does not change."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, with_run_weights
-from jointscope.diagnosis.per_run import drifting, loaded, per_run_specs
+from jointscope.diagnosis.per_run import drifting, loaded, per_run_specs, run_steps
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.split import split_runs
@@ -39,6 +40,26 @@ def test_outliers_are_no_drift():
     assert drifting(steps, ERRORS) is None
     assert drifting(1e-4 * rng.standard_normal(16), ERRORS) is None
     assert drifting(np.array([0.0, 1.0, 2.0]), ERRORS[:3]) is None
+
+
+def test_a_run_far_from_the_common_stiffness_is_followed_there(builders, plant):
+    """Between the ends of a warming joint a ring slips by a turn of phase; one linear step would not get back."""
+    order = np.random.default_rng(7).permutation(8)
+    true = 1.0 + 0.016 * (order - 3.5)
+    runs = [
+        builders.hammer_run(replace(plant, K=plant.K * factor), 100.0, f"h{i}", duration=0.8)
+        for i, factor in enumerate(true)
+    ]
+    problem = prepare(builders.campaign_of(runs))
+    with ThreadPoolExecutor(1) as pool:
+        stage = refit_base(problem, predict_outputs, tuple(range(8)), pool)
+        steps, errors = run_steps(stage, "stiffness")
+    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    common = theta[problem.base.names.index("stiffness")] / plant.K
+    assert np.all(np.isfinite(errors))
+    assert np.array_equal(np.argsort(steps), np.argsort(order))
+    np.testing.assert_allclose(common * (1.0 + steps), true * np.median(common * (1.0 + steps) / true), rtol=2e-3)
+    assert np.array_equal(drifting(steps, errors), order - 3.5)
 
 
 def campaign(*experiments):
