@@ -251,6 +251,8 @@ def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[
     """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
     known = {("asymmetry", "1"): 0.0}
     known.update(((p.name, p.unit), v) for p, v in zip(leader.spec.parameters, leader.values, strict=True))
+    if ("soft_share", "1") in known:  # the play that leaves the same spring outside of a soft middle
+        known["gap", "rad"] = 2.0 * known["soft_share", "1"] * known["transition_angle", "rad"]
     found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
         keys = [(p.name, p.unit) for p in trial.spec.parameters]

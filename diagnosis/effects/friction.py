@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 
 SLOWEST = 1e-3  # of the top speed, below which a Stribeck speed is not told from sticking
+FASTEST = 0.8  # of the top speed, beyond which friction that falls is viscous damping that is too large
 LARGER = 1.08  # breakaway over sliding friction, from which it is a Stribeck friction
 LARGEST = 5.0  # of the sliding friction, beyond which a breakaway is another law's
 
@@ -145,7 +146,7 @@ def _torque_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {
         "torque": (0.0, top),
         "breakaway": (1e-6 * top, 2.0 * top),
-        "stribeck_velocity": (SLOWEST * speed, 2.0 * speed),
+        "stribeck_velocity": (SLOWEST * speed, FASTEST * speed),
     }
 
 

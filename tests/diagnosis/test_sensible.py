@@ -50,3 +50,12 @@ def test_a_hysteresis_without_width_on_a_held_joint_is_friction(problem):
         thin, wide = (1.0, 1.0 / (0.01 * wind_up)), (1.0, 1.0 / (0.06 * wind_up))
         assert at_rig(spec, held).sensible(wide) and not at_rig(spec, held).sensible(thin)
         assert at_rig(spec, moved).sensible(thin)
+
+
+def test_friction_that_falls_beyond_all_speeds_is_no_stribeck_friction(problem):
+    """Viscous damping that is too large, and a friction that falls over twice the top speed, make Coulomb's of a Stribeck law."""
+    top = max(problem.scales.speed, problem.scales.motor_speed)
+    for spec in (s for s in catalogue(problem) if s.name == "stribeck-friction"):
+        speed = next(p for p in spec.parameters if p.name == "stribeck_velocity")
+        assert speed.upper < top
+        assert speed.lower < 0.01 * top
