@@ -43,6 +43,7 @@ Vector = NDArray[np.float64]
 
 PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
 FROM_ZERO = ("angle", "position")  # what is counted from its first samples
+SCATTERS = 3.0  # standard deviations, within which a hit's own gain, time and force noise are believed
 UNFELT = (
     0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
 )
@@ -116,10 +117,13 @@ class RunWhitener:
         return w
 
     def settled(self, residuals: Sequence[Vector]) -> Sequence[Vector]:
-        """Residuals of the outputs less what most likely scattered from hit to hit, shapes (n,)."""
+        """Residuals of the outputs less what most likely scattered from hit to hit, shapes (n,).
+
+        Within what scatters: a hit whose gain is 80 standard deviations off was not hit harder, the model is wrong.
+        """
         if self.estimate is None:
             return residuals
-        amounts = self.estimate @ self.filter(residuals)[:, 0]
+        amounts = np.clip(self.estimate @ self.filter(residuals)[:, 0], -SCATTERS, SCATTERS)
         return [r - c @ amounts for r, c in zip(residuals, self.scatter, strict=True)]
 
 
@@ -197,7 +201,7 @@ def least_scatter(columns: NDArray[np.float64], left: Vector) -> Vector:
 
 def within_scatter(own: Vector, noise: NoiseModel) -> Vector:
     """A hit's (gain, time) within three standard deviations of their scatter, shape (2,)."""
-    limit = 3.0 * np.array([noise.gain, noise.timing])
+    limit = SCATTERS * np.array([noise.gain, noise.timing])
     return np.clip(own, -limit, limit)
 
 

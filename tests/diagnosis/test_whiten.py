@@ -171,3 +171,15 @@ def test_what_an_effect_explains_of_a_hit_is_measured_less_the_hit_s_own_gain():
     raw = sum(np.sum((run.outputs[0].data - y - extra) ** 2) for run in runs)
     assert raw > 5.0 * gained
     assert np.isclose(after[key][0], len(runs) * y.size * 0.01**2, rtol=0.1)
+
+
+def test_a_model_that_lacks_a_hit_s_ring_is_not_excused_by_its_gain():
+    """A hit's own gain is believed within three standard deviations: 50 of them would explain whatever the leader predicts."""
+    y = ringing(2000)
+    run = hit(y + 0.01 * np.random.default_rng(4).standard_normal(y.size))
+    noise = NoiseModel({block_key(run, run.outputs[0]): BlockNoise(np.array([1.0]), 0.01, 0.01, 0.0)}, 0.01, 3e-6)
+    whitener = run_whitener(run, noise, (y,))  # of a leader that rings as the hit does
+    energies = error_energies([run], [(0.5 * y,)], [whitener])
+    (found,) = energies.values()
+    assert found[0] > 0.4**2 * float(y @ y)
+    assert error_energies([run], [(0.98 * y,)], [whitener])[next(iter(energies))][0] < 0.01**2 * float(y @ y)
