@@ -110,7 +110,7 @@ def _edit(spec: mujoco.MjSpec, law: Law, run: Run, frame: Frame) -> None:
         mount = spec.joint("base")
         factor = ((1.0 + law["eccentricity"]) / felt) ** 2
         across = math.sin(run.arm_angle - law["direction"]) / (1.0 + law["eccentricity"])
-        mount.armature *= factor * (1.0 + law["share"] * across**2)
+        mount.armature *= factor * (1.0 + law.get("share", 0.0) * across**2)
         mount.stiffness[0] *= factor
         mount.damping[0] *= factor
         for name, gear in (("mount torque", turn - 1.0), ("mount force", slide)):
