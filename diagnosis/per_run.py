@@ -39,6 +39,7 @@ CLEAR = 10.0  # ... unless they are this many of their own off: what a payload d
 FEWEST = 4  # runs
 ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
+SAME_POSTURE = 0.2  # of the spread of runs' own numbers, left within postures, below which it is theirs
 OWN_STARTS = (1.0, 0.75, 0.85, 0.9, 0.94, 0.97, 1.03, 1.06, 1.1, 1.15, 1.25)
 OWN_STEPS = 8  # at most, towards a run's own number
 HALVED = 5  # times at most, that a step goes too far
@@ -161,6 +162,17 @@ def drifting(stiffness: Vector, errors: Vector) -> Vector | None:
     ranks = np.zeros(len(stiffness))
     ranks[known] = order - 0.5 * (known.sum() - 1)
     return ranks
+
+
+def follows_posture(values: Vector, errors: Vector, angles: Vector) -> bool:
+    """Whether runs of one arm angle agree and those of others differ: then it is the posture's doing and no drift."""
+    known = _sharp(errors)
+    v, postures = values[known], np.round(angles[known], 3)
+    groups = [v[postures == angle] for angle in np.unique(postures)]
+    if len(groups) < 2 or len(groups) == len(v):
+        return False
+    within = sum(float(np.sum(np.square(g - np.mean(g)))) for g in groups)
+    return within < SAME_POSTURE * float(np.sum(np.square(v - np.mean(v))))
 
 
 def labelling_cost(spec: EffectSpec) -> float:
@@ -329,7 +341,8 @@ def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
         stiffness, errors = run_steps(stage, "stiffness")
         ranks = drifting(stiffness, errors)
-        if ranks is not None:
+        angles = np.array([run.initial_angle for run in problem.runs])
+        if ranks is not None and not follows_posture(stiffness, errors, angles):
             drift = with_run_weights(DRIFT_PER_RUN, tuple(float(r) for r in ranks), problem)
             found.append(_about(drift, float(ranks @ stiffness) / float(ranks @ ranks)))
     return tuple(found)

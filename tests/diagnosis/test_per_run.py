@@ -9,7 +9,7 @@ import pytest
 
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, with_run_weights
-from jointscope.diagnosis.per_run import drifting, loaded, per_run_specs, run_steps
+from jointscope.diagnosis.per_run import drifting, follows_posture, loaded, per_run_specs, run_steps
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.split import split_runs
@@ -29,6 +29,15 @@ def test_a_drift_is_found_in_whatever_order_its_runs_come():
     mute = ERRORS.copy()
     mute[3] = np.inf
     assert drifting(steps, mute)[3] == 0.0
+
+
+def test_what_follows_the_posture_is_no_drift():
+    """Four postures in turn, four times: either each has its own stiffness, or the joint warms up throughout."""
+    angles = np.tile([-0.5, 0.0, 0.7, 1.2], 4)
+    noise = 1e-4 * np.random.default_rng(8).standard_normal(16)
+    assert follows_posture(0.01 * np.cos(angles) + noise, ERRORS, angles)
+    assert not follows_posture(4e-4 * np.arange(16) + noise, ERRORS, angles)
+    assert not follows_posture(4e-4 * np.arange(16) + noise, ERRORS, np.zeros(16))
 
 
 def test_outliers_are_no_drift():
