@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, of_further_runs
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, with_run_weights
-from jointscope.diagnosis.objective import Objective, Predictions
+from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.refit import Fit, least_squares
 
 if TYPE_CHECKING:
@@ -48,14 +48,11 @@ TRIED = 0.3  # of the size that the runs' own estimates give, at which a law is 
 ASKED = 2  # times that a payload is fitted and every run asked whether it carries it
 
 
-def _all_runs(stage: Stage) -> tuple[Objective, Predictions]:
-    """All runs of the problem, held-out ones too, whitened by the noise of ``stage``, and what it predicts of them."""
+def _all_runs(stage: Stage) -> Objective:
+    """All runs of the problem, held-out ones too, whitened by the noise of ``stage``."""
     every_run = tuple(range(len(stage.objective.problem.runs)))
     theta, effects = stage.fit.coordinates.unpack(stage.fit.x)
-    everything, _, predictions = of_further_runs(
-        stage.objective, every_run, stage.noise, EARLY_ORDER, theta, effects
-    )
-    return everything, predictions
+    return of_further_runs(stage.objective, every_run, stage.noise, EARLY_ORDER, theta, effects)[0]
 
 
 def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
@@ -64,7 +61,7 @@ def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
     Runs that say nothing of the parameter get an infinite error.
     """
     problem, where = stage.objective.problem, stage.fit.coordinates
-    everything, _ = _all_runs(stage)
+    everything = _all_runs(stage)
     position = int(np.flatnonzero(where.free == problem.base.names.index(name))[0])
     found = everything.map(lambda i: _own(everything, i, stage.fit.x, where, position), range(len(problem.runs)))
     return np.array([step for step, _ in found]), np.array([error for _, error in found])
@@ -295,7 +292,7 @@ def _who_carries(stage: Stage, spec: EffectSpec, size: float) -> NDArray[np.bool
     """Which runs are nearer to what the fitted payload predicts with it than without, shape (n_runs,)."""
     fit = _fitted(stage, spec, size)
     theta, (payload,) = fit.coordinates.unpack(fit.x)
-    everything, _ = _all_runs(stage)
+    everything = _all_runs(stage)
     misfits = []
     for weight in (0.0, 1.0):
         all_alike = replace(spec, run_weights=(weight,) * len(stage.objective.problem.runs))

@@ -29,10 +29,8 @@ Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Line = tuple[float, float]  # order [1] and phase [rad]
 
-TOPS = {
-    True: 100.0,
-    False: 14.0,
-}  # highest order per output turn (forty pins, and their second harmonic), per motor turn
+# highest order per output turn (forty pins, and their second harmonic), per motor turn
+TOPS = {True: 100.0, False: 14.0}
 CELLS = 12  # per shortest period, into which samples are put by angle
 FINER = 4  # points of the order's axis per 1/turns
 SMOOTHED_HZ = 2.0  # width over which the residual's spectrum is averaged
