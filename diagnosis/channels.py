@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 REACH = 20  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
+_BLOCK = 1024  # outputs side by side, which stay in the nearest cache
 _TABLE = 512  # entries per sample of its table
 _KAISER = 10.0
 SMOOTH = (*FOLLOWING, WIND_UP)  # nothing in them reaches half the rate
@@ -71,25 +72,35 @@ def _read(x: Vector, rate: float, t0: float, times: Vector, cutoff: float, table
 @njit(cache=True, nogil=True, error_model="numpy")
 def _decimate(x: Vector, step: int, offset: int, taps: Vector, out: Vector) -> None:
     """The same where every wanted time is a node: ``out[i]`` at node ``offset + i step``."""
-    n = x.shape[0]
+    n, count = x.shape[0], out.shape[0]
     half = taps.shape[0] - 1
-    for i in range(out.shape[0]):
-        at = offset + i * step
-        total = 0.0
-        if at >= half and at + half < n:
-            total = taps[0] * x[at]
-            for j in range(1, half + 1):
-                total += taps[j] * (x[at - j] + x[at + j])
-        else:
-            for j in range(-half, half + 1):
-                index = at + j
-                if index < 0:
-                    value = 2.0 * x[0] - x[min(-index, n - 1)]
-                elif index >= n:
-                    value = 2.0 * x[n - 1] - x[max(2 * n - 2 - index, 0)]
-                else:
-                    value = x[index]
-                total += taps[abs(j)] * value
+    begin = min(max((half - offset + step - 1) // step, 0), count)  # inside, no tap reaches beyond an end
+    end = max(min((n - 1 - half - offset) // step + 1, count), begin)
+    phases = np.empty((step, n // step + 1))
+    for k in range(n):
+        phases[k % step, k // step] = x[k]
+    for first in range(begin, end, _BLOCK):
+        last = min(first + _BLOCK, end)
+        block = out[first:last]
+        block[:] = 0.0
+        for j in range(-half, half + 1):
+            h, at = taps[abs(j)], first + (offset + j) // step
+            part = phases[(offset + j) % step, at : at + block.size]
+            for i in range(block.size):
+                block[i] += h * part[i]
+    for i in range(count):
+        if begin <= i < end:
+            continue
+        at, total = offset + i * step, 0.0
+        for j in range(-half, half + 1):
+            index = at + j
+            if index < 0:
+                value = 2.0 * x[0] - x[min(-index, n - 1)]
+            elif index >= n:
+                value = 2.0 * x[n - 1] - x[max(2 * n - 2 - index, 0)]
+            else:
+                value = x[index]
+            total += taps[abs(j)] * value
         out[i] = total
 
 

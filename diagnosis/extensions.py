@@ -82,11 +82,10 @@ def _alternatives(
     w = before.objective.residual(fit.x, fit.coordinates)
     few, rows = objective.restricted(before.positions), objective.rows(before.positions)
     then = tangent(w, _converted(fit.jacobian[rows], few, before.objective))
-    directions = np.stack([t.direction for t in before.trials], axis=1)
-    basis = then.basis.astype(np.float32)
-    beyond = directions - basis @ (basis.T @ directions)
-    size = np.einsum("ij,ij->j", beyond, beyond).astype(float)
-    inner = (beyond.T @ then.w.astype(np.float32)).astype(float)
+    directions = np.stack([t.direction for t in before.trials])  # of unit length, as the basis is
+    basis = directions @ then.basis.astype(np.float32)
+    size = 1.0 - np.einsum("ij,ij->i", basis, basis).astype(float)
+    inner = (directions @ then.w.astype(np.float32)).astype(float)
     admitted = (inner > 0.0) | np.array([not one_sided(t.spec) for t in before.trials])
     gains = np.where((size > 0.01) & admitted, inner**2 / np.maximum(size, 0.01), 0.0)
     chosen: dict[int, ActiveEffect] = {}

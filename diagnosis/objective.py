@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -72,17 +73,28 @@ class Objective:
         """``function`` over ``tasks`` on the pool, results in the order of the tasks."""
         return list(self.pool.map(function, tasks))
 
+    def of_runs(self, function: Callable[[int], R]) -> list[R]:
+        """``function`` of every run's position on the pool, longest runs begun first; results in order."""
+        order = self._longest_first
+        found = self.map(function, order)
+        return [result for _, result in sorted(zip(order, found, strict=True), key=lambda pair: pair[0])]
+
+    @cached_property
+    def _longest_first(self) -> list[int]:
+        return sorted(range(len(self.runs)), key=lambda i: -self.problem.runs[self.runs[i]].steps)
+
     def predictions(self, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Predictions:
         """Predicted outputs of every run."""
-        return tuple(self.map(lambda run: self.predict(run, theta, effects, self.problem), self.prepared))
+        prepared = self.prepared
+        return tuple(self.of_runs(lambda i: self.predict(prepared[i], theta, effects, self.problem)))
 
     def pushes(
         self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions
     ) -> list[Pushes | None]:
         """What the noise of every run's input does to ``predictions``, see :func:`input_scatter.pushes`."""
-        return self.map(
-            lambda pair: pushes(pair[0], theta, effects, self.problem, self.predict, pair[1]),
-            list(zip(self.prepared, predictions, strict=True)),
+        prepared = self.prepared
+        return self.of_runs(
+            lambda i: pushes(prepared[i], theta, effects, self.problem, self.predict, predictions[i])
         )
 
     def whiten_run(self, position: int, predicted: Sequence[Vector]) -> Vector:
@@ -107,8 +119,7 @@ class Objective:
     def residual(self, x: Vector, where: Coordinates) -> Vector:
         """w at ``x``, runs stacked, shape (n,)."""
         theta, effects = where.unpack(x)
-        parts = self.map(lambda i: self.run_residual(i, theta, effects), range(len(self.runs)))
-        return np.concatenate(parts)
+        return np.concatenate(self.of_runs(lambda i: self.run_residual(i, theta, effects)))
 
     def columns(self, x: Vector, where: Coordinates, w: Vector, which: Sequence[int]) -> NDArray[np.float64]:
         """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which))."""
@@ -126,7 +137,7 @@ class Objective:
             step, theta, effects = moved[k]
             result[slices[i], k] = (self.run_residual(i, theta, effects) - w[slices[i]]) / step
 
-        self.map(fill, [(k, i) for k in range(len(which)) for i in range(len(self.runs))])
+        self.map(fill, [(k, i) for i in self._longest_first for k in range(len(which))])
         return result
 
     def restricted(self, positions: Sequence[int]) -> Objective:
@@ -153,8 +164,6 @@ def whitened(
     prepared = objective.prepared
     nothing = [None] * len(prepared)
     given: Sequence[tuple[Vector, ...] | None] = nothing if predictions is None else predictions
-    whiteners = objective.map(
-        lambda known: run_whitener(known[0], noise, known[1], known[2]),
-        list(zip(prepared, given, pushed or nothing, strict=True)),
-    )
+    forced = pushed or nothing
+    whiteners = objective.of_runs(lambda i: run_whitener(prepared[i], noise, given[i], forced[i]))
     return replace(objective, whiteners=tuple(whiteners))

@@ -55,13 +55,13 @@ def _all_runs(stage: Stage) -> Objective:
     return of_further_runs(stage.objective, every_run, stage.noise, EARLY_ORDER, theta, effects)[0]
 
 
-def run_steps(stage: Stage, name: str) -> tuple[Vector, Vector]:
+def run_steps(stage: Stage, name: str, everything: Objective | None = None) -> tuple[Vector, Vector]:
     """Each run's own relative departure of one base parameter and its standard error, shape (n_runs,) of the problem.
 
-    Runs that say nothing of the parameter get an infinite error.
+    Runs that say nothing of the parameter get an infinite error. ``everything``: all runs under the noise of ``stage``.
     """
     problem, where = stage.objective.problem, stage.fit.coordinates
-    everything = _all_runs(stage)
+    everything = _all_runs(stage) if everything is None else everything
     position = int(np.flatnonzero(where.free == problem.base.names.index(name))[0])
     found = everything.map(lambda i: _own(everything, i, stage.fit.x, where, position), range(len(problem.runs)))
     return np.array([step for step, _ in found]), np.array([error for _, error in found])
@@ -250,9 +250,9 @@ def _parted(inertia: Vector, errors: Vector, these: NDArray[np.bool_]) -> _Parte
     return _Parted(these, known, members, cut, float(np.median(upper) - np.median(lower)))
 
 
-def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
+def _payloads(stage: Stage, problem: Problem, everything: Objective) -> tuple[EffectSpec, ...]:
     laws = [spec for spec in PAYLOADS if spec.possible(problem) is None]
-    found = loaded(problem, *run_steps(stage, "load_inertia")) if laws else None
+    found = loaded(problem, *run_steps(stage, "load_inertia", everything)) if laws else None
     if found is None:
         return ()
     members = found.members
@@ -260,7 +260,7 @@ def _payloads(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     size = found.step * float(theta[problem.base.names.index("load_inertia")])
     fullest = laws[-1]
     for _ in range(ASKED):
-        asked = _who_carries(stage, with_run_weights(fullest, _weights(members), problem), size)
+        asked = _who_carries(stage, everything, with_run_weights(fullest, _weights(members), problem), size)
         asked = np.where(found.sure, members, asked)
         if asked.all() or not asked.any() or np.array_equal(asked, members):
             break
@@ -288,11 +288,10 @@ def _fitted(stage: Stage, spec: EffectSpec, size: float) -> Fit:
     )
 
 
-def _who_carries(stage: Stage, spec: EffectSpec, size: float) -> NDArray[np.bool_]:
+def _who_carries(stage: Stage, everything: Objective, spec: EffectSpec, size: float) -> NDArray[np.bool_]:
     """Which runs are nearer to what the fitted payload predicts with it than without, shape (n_runs,)."""
     fit = _fitted(stage, spec, size)
     theta, (payload,) = fit.coordinates.unpack(fit.x)
-    everything = _all_runs(stage)
     misfits = []
     for weight in (0.0, 1.0):
         all_alike = replace(spec, run_weights=(weight,) * len(stage.objective.problem.runs))
@@ -332,11 +331,12 @@ def _whole_experiments(
 def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     """Payload and drift from run to run, where the runs' own estimates suggest them."""
     free = {problem.base.names[i] for i in np.flatnonzero(problem.base.free)}
+    everything = _all_runs(stage)
     found: list[EffectSpec] = []
     if "load_inertia" in free:
-        found.extend(_payloads(stage, problem))
+        found.extend(_payloads(stage, problem, everything))
     if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
-        stiffness, errors = run_steps(stage, "stiffness")
+        stiffness, errors = run_steps(stage, "stiffness", everything)
         ranks = drifting(stiffness, errors)
         angles = np.array([run.initial_angle for run in problem.runs])
         if ranks is not None and not follows_posture(stiffness, errors, angles):

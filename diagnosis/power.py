@@ -25,7 +25,7 @@ PASSES = 3  # steps of the interpolation
 SHORT = (
     -0.25
 )  # logarithm of what is cleared over what is asked at the size nearest to it, below which none is stated
-REACH = 30.0  # times beyond the catalogue's small and large sizes that a size is sought
+REACH = 100.0  # times beyond the catalogue's small and large sizes that a size is sought
 
 
 @dataclass(frozen=True)
@@ -137,10 +137,8 @@ def smallest_visible(
             a, b = below[-1], next((p for p in above if p[0] > below[-1][0]), above[-1])
         else:
             a, b = (points[0], points[1]) if above else (points[-2], points[-1])
-        slope = (b[1] - a[1]) / (b[0] - a[0]) if b[0] != a[0] else 1.0
-        slope = float(np.clip(slope if math.isfinite(slope) else 1.0, 0.3, 4.0))
         start = a if abs(a[1]) < abs(b[1]) else b
-        u = float(np.clip(start[0] - start[1] / slope, math.log(low), math.log(high)))
+        u = float(np.clip(start[0] - start[1] / _slope(a, b), math.log(low), math.log(high)))
         g, limit = margin(math.exp(u))
         points.append((u, g, limit))
         if abs(g) < 0.1:
@@ -148,8 +146,15 @@ def smallest_visible(
     nearest = min(points, key=lambda p: abs(p[1]))
     if nearest[1] < SHORT:
         return None, nearest[2]
-    departure = math.exp(nearest[0] - nearest[1])
+    other = min((p for p in points if p is not nearest), key=lambda p: abs(p[1]))
+    departure = math.exp(nearest[0] - nearest[1] / _slope(nearest, other))
     return (None if departure > high else _value(spec, departure)), nearest[2]
+
+
+def _slope(a: tuple[float, float, str], b: tuple[float, float, str]) -> float:
+    """d ln(clearance)/d ln(departure) between two points, within what a root is sought with."""
+    slope = (b[1] - a[1]) / (b[0] - a[0]) if b[0] != a[0] else 1.0
+    return float(np.clip(slope if math.isfinite(slope) else 1.0, 0.3, 4.0))
 
 
 def unseen(

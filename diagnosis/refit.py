@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.blas import dger
 
 from jointscope.diagnosis.coordinates import Coordinates
 from jointscope.diagnosis.objective import Objective
@@ -75,11 +76,14 @@ def _step(normal: Matrix, gradient: Vector, damping: float) -> Vector:
 
 def tangent_share(jacobian: Matrix, w: Vector, x: Vector, where: Coordinates) -> float:
     """|P_B w| / |w| over the coordinates that are not held by a bound."""
-    gradient = jacobian.T @ w
+    return _share(jacobian.T @ jacobian, jacobian.T @ w, w, x, where)
+
+
+def _share(normal: Matrix, gradient: Vector, w: Vector, x: Vector, where: Coordinates) -> float:
     movable = _movable(x, gradient, where)
     if movable.size == 0 or not np.any(w):
         return 0.0
-    step = _step(jacobian[:, movable].T @ jacobian[:, movable], gradient[movable], 0.0)
+    step = _step(normal[np.ix_(movable, movable)], gradient[movable], 0.0)
     return math.sqrt(max(-float(gradient[movable] @ step), 0.0)) / float(np.linalg.norm(w))
 
 
@@ -95,10 +99,35 @@ class _Search:
     spent: int
     base_fresh: bool
     effects_fresh: bool
+    _normal: tuple[Matrix, Vector] | None = None
+
+    @property
+    def normal(self) -> tuple[Matrix, Vector]:
+        """J'J and J'w where it stands."""
+        if self._normal is None:
+            self._normal = self.jacobian.T @ self.jacobian, self.jacobian.T @ self.w
+        return self._normal
+
+    @property
+    def share(self) -> float:
+        """|P_B w| / |w|, see :func:`tangent_share`."""
+        return _share(*self.normal, self.w, self.x, self.where)
+
+    def move(self, x: Vector, w: Vector) -> None:
+        """Stand at ``x``, where the residual is ``w``."""
+        self.x, self.w, self._normal = x, w, None
+        self.base_fresh = self.effects_fresh = False
+
+    def learn(self, moved: Vector, missed: Vector) -> None:
+        """Broyden's update: J moved as it turned out, ``missed`` more than expected."""
+        transposed = np.ascontiguousarray(self.jacobian).T
+        self.jacobian = dger(1.0 / float(moved @ moved), moved, missed, a=transposed, overwrite_a=1).T
+        self._normal = None
 
     def refresh(self, which: range) -> None:
         if len(which) == 0:
             return
+        self._normal = None
         self.jacobian[:, which.start : which.stop] = self.objective.columns(self.x, self.where, self.w, which)
         self.spent += len(which)
         self.effects_fresh = self.effects_fresh or which.stop == self.where.n
@@ -120,12 +149,11 @@ class _Search:
 def _try(state: _Search, damping: float) -> tuple[Vector, Vector, float] | None:
     """A damped step within bounds and step limits: (target, w there, actual over predicted decrease)."""
     where = state.where
-    gradient = state.jacobian.T @ state.w
+    normal, gradient = state.normal
     movable = _movable(state.x, gradient, where)
     if movable.size == 0:
         return None
-    columns = state.jacobian[:, movable]
-    step = _step(columns.T @ columns, gradient[movable], damping)
+    step = _step(normal[np.ix_(movable, movable)], gradient[movable], damping)
     limit = np.where(where.logarithm, LOG_STEP, RELATIVE_STEP)[movable]
     target = state.x.copy()
     target[movable] += np.clip(step, -limit, limit)
@@ -139,7 +167,7 @@ def _try(state: _Search, damping: float) -> tuple[Vector, Vector, float] | None:
     predicted = float(state.w @ state.w - expected @ expected)
     actual = float(state.w @ state.w - candidate @ candidate)
     if actual > 0.0 or not state.fresh:  # Broyden: a secant is better than a column differenced elsewhere
-        state.jacobian += np.outer((candidate - expected) / float(moved @ moved), moved)
+        state.learn(moved, candidate - expected)
     return target, candidate, actual / predicted if predicted > 0.0 else -1.0
 
 
@@ -169,10 +197,10 @@ def least_squares(
         state.refresh(range(where.n))
     damping, growth, converged = 1e-3, 2.0, False
     for _ in range(iterations):
-        if tangent_share(state.jacobian, state.w, state.x, where) < tolerance:
+        if state.share < tolerance:
             if not state.fresh and simulations - state.spent > where.n:
                 state.refresh(range(where.n))
-            if tangent_share(state.jacobian, state.w, state.x, where) < tolerance:
+            if state.share < tolerance:
                 converged = True
                 break
         if simulations - state.spent < 1:
@@ -183,8 +211,7 @@ def least_squares(
             break
         target, candidate, trust = attempt
         if candidate @ candidate < state.w @ state.w:
-            state.x, state.w = target, candidate
-            state.base_fresh = state.effects_fresh = False
+            state.move(target, candidate)
             damping, growth = max(damping * (0.2 if trust > 0.7 else 1.0), 1e-9), 2.0
         else:
             damping, growth = max(damping * growth, 1e-3), growth * 2.0
@@ -192,7 +219,7 @@ def least_squares(
             state.refresh_stale()
         if damping > 1e6:
             break
-    ratio = tangent_share(state.jacobian, state.w, state.x, where)
+    ratio = state.share
     return Fit(
         where, state.x, state.w, state.jacobian, ratio, converged or ratio < tolerance, state.fresh, state.spent
     )

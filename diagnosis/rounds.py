@@ -22,7 +22,7 @@ from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
-from jointscope.diagnosis.objective import Objective
+from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances
@@ -111,12 +111,22 @@ def settled(arena: Arena, found: Sequence[Hypothesis], effort: Effort) -> Arena:
     return Arena(objective, noise, _refitted(objective, base), tuple(pool))
 
 
-def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
-    """Whether a child is worth building upon: more than its parameters cost, and enough to matter."""
-    added = max(child.fit.coordinates.n - parent.fit.coordinates.n, 1)
-    if parent.loss - child.loss < PROMISING * added:
+def promising(arena: Arena, child: Hypothesis, *parents: Hypothesis) -> bool:
+    """Whether a child is worth building upon: more than its parameters cost beyond each parent, and enough to matter."""
+    if any(parent.loss - child.loss < PROMISING * _added(child, parent) for parent in parents):
         return False
     coloured, _, after = rewhiten(arena.objective, child.fit, arena.noise, MAX_ORDER)
+    return all(_promising(arena, child, parent, coloured, after) for parent in parents)
+
+
+def _added(child: Hypothesis, parent: Hypothesis) -> int:
+    return max(child.fit.coordinates.n - parent.fit.coordinates.n, 1)
+
+
+def _promising(
+    arena: Arena, child: Hypothesis, parent: Hypothesis, coloured: Objective, after: Predictions
+) -> bool:
+    """The same over one parent, under the noise that the child leaves."""
     before = arena.objective.predictions(*parent.fit.coordinates.unpack(parent.fit.x))
     gain = PROFILED * len(coloured.runs) * (profiled(parent) - profiled(child))
     gain -= sum(labelling_cost(spec) for spec in child.specs) - sum(labelling_cost(spec) for spec in parent.specs)
@@ -126,7 +136,7 @@ def promising(arena: Arena, child: Hypothesis, parent: Hypothesis) -> bool:
     runs = arena.objective.prepared
     parents, children = (error_energies(runs, y, coloured.whiteners) for y in (before, after))
     material, _, _ = improvement(parents, parents, children, {})
-    return gain > PROMISING * added and material > MATERIAL
+    return gain > PROMISING * _added(child, parent) and material > MATERIAL
 
 
 def _to_grow(arena: Arena, count: int, grown_already: Sequence[Hypothesis] = ()) -> list[Hypothesis]:
@@ -166,7 +176,7 @@ def _worth_more(arena: Arena, size: int) -> bool:
     """Whether a set of ``size`` leads, and is worth more than every part of it: a stand-in for two is not looked into."""
     best = arena.hypotheses[0]
     parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
-    return len(best.names) >= size and all(promising(arena, best, part) for part in parts)
+    return len(best.names) >= size and promising(arena, best, *parts)
 
 
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:

@@ -21,7 +21,7 @@ from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Sign
 
 Vector = NDArray[np.float64]
 
-GRID_HITS, GRID_OTHERS = 4000.0, 3000.0  # Hz; the simulation grid is at least this fine
+GRID_HITS, GRID_OTHERS = 3000.0, 2000.0  # Hz; the simulation grid is at least this fine
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
 SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
 COARSE = (

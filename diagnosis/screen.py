@@ -211,9 +211,9 @@ def pairs(trials: Sequence[Trial], w: Vector) -> list[Pair]:
     """Every pair of trials of different candidates, best first."""
     if len(trials) < 2:
         return []
-    d = np.stack([t.direction for t in trials], axis=1)
-    gram = (d.T @ d).astype(float)
-    inner = (d.T @ w.astype(np.float32)).astype(float)
+    d = np.stack([t.direction for t in trials])
+    gram = (d @ d.T).astype(float)
+    inner = (d @ w.astype(np.float32)).astype(float)
     found = []
     for i in range(len(trials)):
         for j in range(i + 1, len(trials)):

@@ -25,7 +25,12 @@ from jointscope.diagnosis.kernel.full_steps import simulate_full
 from jointscope.diagnosis.kernel.laws import tabled as tabled
 from jointscope.diagnosis.kernel.laws import windup as windup
 from jointscope.diagnosis.kernel.layout import *
-from jointscope.diagnosis.kernel.scalar_steps import simulate_plain, simulate_rich
+from jointscope.diagnosis.kernel.scalar_steps import (
+    simulate_plain,
+    simulate_plain_held,
+    simulate_rich,
+    simulate_rich_held,
+)
 
 
 def simulate(
@@ -57,5 +62,5 @@ def simulate(
         rich or P[ROUND_M] != 0.0 or P[ROUND_L] != 0.0 or S[PRE_SITE] > 0 or P[PAR_SHARE] != 0.0 or P[RUB] != 0.0
     )
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
-    run = simulate_rich if rich else simulate_plain
-    run(x, P, S, held, dry_m, dry_l, mode, um, ul, y, t0, h, out)
+    free, fixed = (simulate_rich, simulate_rich_held) if rich else (simulate_plain, simulate_plain_held)
+    (fixed if held else free)(x, P, S, dry_m, dry_l, mode, um, ul, y, t0, h, out)

@@ -44,6 +44,6 @@ def inlined(function: Callable[Given, R]) -> Callable[Given, R]:
 
 def _jit(function: Callable[Given, R], inline: Literal["never", "always"]) -> Callable[Given, R]:
     function.__qualname__ = f"{function.__name__}_{SOURCES}"
-    jit = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"}, inline=inline)
+    jit = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}, inline=inline)
     made: Callable[Given, R] = jit(function)
     return made

@@ -15,11 +15,11 @@ from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_rates import scalar_rates, scalar_rates_inlined
 
 
-def _scalar_simulator(RICH: bool) -> Callable[..., None]:
-    """One loop, compiled twice: without what only ``RICH`` laws need, and with it."""
+def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
+    """One loop, compiled four times: without what only ``RICH`` laws need and with it, the motor free or ``HELD``."""
 
     def integrate(
-        x: Real, P: Real, S: NDArray[np.int64], held: bool, dry_m: bool, dry_l: bool, mode: int,
+        x: Real, P: Real, S: NDArray[np.int64], dry_m: bool, dry_l: bool, mode: int,
         um: Real, ul: Real, y: Real, t0: float, h: float, out: Real,
     ) -> None:  # fmt: skip
         n = out.shape[0] - 1
@@ -39,7 +39,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
         turn = (q, math.cos(q), math.sin(q))
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
         sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
-        dry_m = dry_m and not held
+        dry_m = dry_m and not HELD
         mem = np.zeros(10)
         hyst, pre = False, 0
         if RICH:
@@ -75,7 +75,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                         m1,
                         l1,
                         y1,
-                        held,
+                        HELD,
                         p,
                         turn,
                         f,
@@ -93,15 +93,15 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                 g = 0.5 * d
                 a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
-                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
                 )  # fmt: skip
                 a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
-                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
                 )  # fmt: skip
                 a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
-                    held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
                 )  # fmt: skip
                 g = d / 6.0
                 e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
@@ -130,7 +130,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                             pending, share = 2, part
                     if (dry_m and sm == 0) or (dry_l and sl == 0):
                         _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
-                            e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, held, p, turn, f, dry_m,
+                            e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, HELD, p, turn, f, dry_m,
                             dry_l, sm, sl, RICH, P, S, mem, mode,
                         )  # fmt: skip
                         if dry_m and sm == 0:
@@ -166,7 +166,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                     stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
                     _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                         q_s, v_s, q, v, r, u, t0 + (k + s) * h, input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s),
-                        held, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, mode,
+                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, mode,
                     )  # fmt: skip
                     if pending == 1:
                         sm = direction(far_m, far_gm, P, FM_PLUS)
@@ -187,7 +187,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
                 slide(P, mem, q_s if pre == AT_MOTOR else q, v_s if pre == AT_MOTOR else v)
         j = 2 * n
         _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
-            q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], held, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
+            q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
             mode,
         )  # fmt: skip
         row = out[n]
@@ -198,5 +198,7 @@ def _scalar_simulator(RICH: bool) -> Callable[..., None]:
     return compiled(integrate)
 
 
-simulate_plain = _scalar_simulator(False)
-simulate_rich = _scalar_simulator(True)
+simulate_plain = _scalar_simulator(False, False)
+simulate_plain_held = _scalar_simulator(False, True)
+simulate_rich = _scalar_simulator(True, False)
+simulate_rich_held = _scalar_simulator(True, True)
