@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
-from jointscope.diagnosis.gates import REAL, Comparison
+from jointscope.diagnosis.form import own_share
+from jointscope.diagnosis.gates import OWN_FORM, REAL, Comparison
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
@@ -327,6 +328,12 @@ def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> b
     return not hardly or all(compare(judgement, part, child).gain > REAL_UNREVEALED for part in without)
 
 
+def _stands(judgement: Judgement, part: Judged, child: Judged) -> bool:
+    """Whether the child stands over a part of it, or shows beside it what no other form of it could."""
+    found = compare(judgement, part, child)
+    return found.stands or (found.beside and own_share(judgement, part, child) > OWN_FORM)
+
+
 def standing(judgement: Judgement) -> list[Judged]:
     """Hypotheses that stand over the base and over the best law of every fitted part of themselves, best score first."""
     found = []
@@ -336,7 +343,7 @@ def standing(judgement: Judgement) -> list[Judged]:
         alone = max((len(p.names) for p in parts), default=0) + 1 < len(child.names)
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself
-        if any(not compare(judgement, part, child).stands for part in parts):
+        if not all(_stands(judgement, part, child) for part in parts):
             continue
         if any(_rings(judgement, child, part) for part in parts):
             continue

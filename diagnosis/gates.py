@@ -29,6 +29,11 @@ SHARE_BESIDE_EXACT = (
 SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
 REST = 0.9  # or this of the energy that the parent leaves: no stand-in for a form's error gets that far
 REST_OF_EXACT = 0.5  # the same beside laws that have one form only
+REAL_BESIDE = (
+    60.0  # nats of a second effect that is believed for what no other form of the first could explain ...
+)
+OWN_FORM = 0.6  # ... and this share of its gain, to first order
+MATERIAL_BESIDE = 0.004  # the same as MATERIAL of such a one
 EVIDENT = 200.0  # nats of a force without a name that is too weak to matter, and yet is there beyond doubt
 REAL_UNREACHED = 200.0  # nats asked of the fitted runs then
 LOST_UNREACHED = 30.0  # nats that the held-out runs may lose then: the base's parameters move a little
@@ -117,6 +122,16 @@ class Comparison:
             and (self.material > MATERIAL or self.evident)
             and (self.share > needed or much or both or nearly_all)
         )
+
+    @property
+    def beside(self) -> bool:
+        """Whether a second effect with too little of the evidence may be believed for being none of the first one's forms.
+
+        Held-out runs must gain what was foretold, each of them.
+        """
+        agrees = AGREES < self.held_gain / max(self.foretold_held, HELD) < 1.0 / AGREES
+        much = self.gain > REAL_BESIDE and self.material > MATERIAL_BESIDE
+        return self.parents == 1 and much and self.carries_over and agrees and self.share_of_runs >= AGREES
 
     @property
     def evident(self) -> bool:

@@ -85,7 +85,7 @@ def rivals(
             trials = [c for c in trials if names_of((*place.kept, c.spec)) not in done]
             if not trials:
                 continue
-            alike = _same_numbers(trials, place.effect)
+            alike = same_numbers(trials, place.effect)
             lines = [a for a in alike if _turn(a) and _turn(a) == _turn(place.effect)]
             trials = lines or [*trials, *alike]  # of a line the order is known
             active = _telling(objective, without(objective, leader.fit, place.position), trials)
@@ -105,7 +105,7 @@ def strangers(
         groups = [trials]
         if spec.family == "periodic":  # at whole orders, and at what order the leader found
             groups.append(
-                [a for e in effects for a in _same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
+                [a for e in effects for a in same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
             )
         for group in groups:
             if group:
@@ -166,7 +166,7 @@ def contained(
         narrower = {inner for inner, outer in CONTAINED if outer == place.spec.name}
         trials = [c for c in candidates if c.spec.name in narrower and c.spec.location == place.spec.location]
         if trials and known.get(names_of((*place.kept, trials[0].spec)), math.inf) > far:
-            active = _nearest(objective, place.theta, place.others, _same_numbers(trials, place.effect))
+            active = _nearest(objective, place.theta, place.others, same_numbers(trials, place.effect))
             found.extend(_in_place(objective, base, place, active, effort))
     return found
 
@@ -195,9 +195,7 @@ def reshaped(
         for trials in laws.values():
             if frozenset(id(s) for s in (*place.kept, trials[0].spec)) in done:
                 continue
-            active = _nearest(
-                objective, place.theta, place.others, [*_same_numbers(trials, place.effect), *trials]
-            )
+            active = _nearest(objective, place.theta, place.others, [*same_numbers(trials, place.effect), *trials])
             found.extend(_in_place(objective, base, place, active, effort))
     return found
 
@@ -247,7 +245,7 @@ def _in_place(
     return [] if fit is None else [Hypothesis((*place.kept, active.spec), fit, profile_loss(objective, fit.w))]
 
 
-def _same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
+def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
     """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
     known = {("asymmetry", "1"): 0.0}
     known.update(((p.name, p.unit), v) for p, v in zip(leader.spec.parameters, leader.values, strict=True))
@@ -271,7 +269,7 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
     """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
     wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
-    alike = _same_numbers(wider, leader)
+    alike = same_numbers(wider, leader)
     if not leader.spec.sensible(leader.values):  # what it lacks has bent its own numbers
         alike += [_with_force(trial, leader.values[0]) for trial in wider]
     for active in alike:

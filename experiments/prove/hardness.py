@@ -1,8 +1,8 @@
 """Is the hardness of a case, found by projection, what full refits of its rivals find?
 
-Every case of a draw is graded by z_d before it is recorded: the base linear about where it fits best, rivals as
-directions. Here the same cases are graded again without those shortcuts: every rival that comes near, in each of its
-textbook laws, is fitted to the case by Levenberg-Marquardt together with the base, from the projection's own start.
+Cases of a draw are scaled by a projection: the base linear about where it fits best, rivals as directions. What is sealed
+with a case is what refits leave: the three rivals that come nearest, in each of their textbook laws, fitted to the case by
+Levenberg-Marquardt together with the base. Here the two are held against each other.
 """
 
 from __future__ import annotations
@@ -17,23 +17,16 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jointscope.atomic import write_text
 from jointscope.experiments.prove.judging import BANDS
 from jointscope.progress import track
 from jointscope.sim.concealed import strength
-from jointscope.sim.concealed.bench import Bench
-from jointscope.sim.concealed.concealment import Rival, held_against, rival_laws
+from jointscope.sim.concealed.concealment import held_against
 from jointscope.sim.concealed.draw import Order, decide
-from jointscope.sim.concealed.law import Effect
-from jointscope.sim.concealed.rival_fit import refitted
-from jointscope.sim.concealed.yardstick import Yardstick, yardstick
+from jointscope.sim.concealed.nearest import nearest_refit
+from jointscope.sim.concealed.yardstick import yardstick
 
-Real = NDArray[np.float64]
-
-SHAPES: Final = ("frequency", "yield", "knee", "stribeck_velocity", "width", "damping")  # that a fit may change
-NEAR: Final = 1.5  # rivals whose projected distance is within this factor of the nearest one's are refitted
 SEED: Final = 4100
 KEPT: Final = "cases"
 
@@ -46,8 +39,8 @@ class Check:
         index: Of the case in its draw.
         truth: ``name@location``.
         experiments: The case's.
-        projected: z_d as it is sealed with a case.
-        refitted: The least distance of any refit.
+        projected: z_d to first order, by which a case is scaled.
+        refitted: The least distance of any refit, which is sealed with it.
         rival: Whose it was.
         fits: How many refits were done.
     """
@@ -71,50 +64,9 @@ def check(order: Order, index: int) -> Check | None:
     sight = strength.look(yard, (effect,))
     r = strength.refitted_base(yard, sight)
     rivals = held_against(yard, bench, effect, r, np.random.default_rng([order.seed, index, 99]))
-    distance = {name: strength.left_over(r, rival.directions) for name, rival in rivals.items()}
-    near = [name for name in distance if distance[name] <= NEAR * min(distance.values())]
-    found: dict[str, float] = {}
-    fits = 0
-    for name in sorted(near, key=lambda name: distance[name])[:3]:
-        starts = _starts(yard, bench, r, name, rivals[name])
-        fits += len(starts)
-        found[name] = min(_refitted(yard, bench, sight, start) for start in starts)
-    nearest = min(found, key=lambda name: found[name])
-    return Check(
-        index, effect.label, bench.experiments, case.measured.z_d, found[nearest], nearest, fits
-    )  # fmt: skip
-
-
-def _starts(yard: Yardstick, bench: Bench, r: Real, name: str, rival: Rival) -> list[Effect]:
-    """The rival in each of its laws that this case admits, at about the size of ``r``."""
-    others = [law for law in rival_laws(bench, name) if law != rival.effect.law]
-    rng = np.random.default_rng(7)
-    starts = [rival.effect] + [
-        Effect(law, {**law.shape(bench.setting, rng), **_shared(rival, law.strength)}) for law in others
-    ]
-    return [_matched(yard, bench, r, start) for start in starts[:3]]
-
-
-def _shared(rival: Rival, strength_name: str) -> dict[str, float]:
-    values = rival.effect.values
-    shared = {name: values[name] for name in SHAPES if name in values}
-    if strength_name in values:
-        shared[strength_name] = values[strength_name]
-    return shared
-
-
-def _matched(yard: Yardstick, bench: Bench, r: Real, rival: Effect) -> Effect:
-    low, high = sorted(rival.law.span(bench.setting))
-    rival = rival.scaled(float(np.clip(rival.values.get(rival.law.strength, np.sqrt(low * high)), low, high)))
-    d = strength.direction(yard, rival)
-    share = float(d @ r) / max(float(d @ d), 1e-300)
-    return rival.scaled(float(np.clip(share * rival.values[rival.law.strength], low, high)))
-
-
-def _refitted(yard: Yardstick, bench: Bench, sight: strength.Sight, start: Effect) -> float:
-    free = [name for name in SHAPES if name in start.values and name != start.law.strength]
-    low, high = sorted(start.law.span(bench.setting))
-    return refitted(yard, sight, start, free, (low / 3.0, 3.0 * high))
+    first = min(strength.left_over(r, rival.directions) for rival in rivals.values())
+    found = nearest_refit(yard, bench, sight, r, rivals)
+    return Check(index, effect.label, bench.experiments, first, found.z_d, found.rival, found.fits)
 
 
 def check_hardness(out: Path, *, cases: int, first_seed: int, workers: int) -> int:

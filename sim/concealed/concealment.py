@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from jointscope.sim.concealed import catalogue, strength
 from jointscope.sim.concealed.bench import Bench
 from jointscope.sim.concealed.law import Draw, Effect, Law, Setting, log_between
-from jointscope.sim.concealed.rival_fit import nearest_form
+from jointscope.sim.concealed.nearest import Rival, nearest_refit, rival_laws
 from jointscope.sim.concealed.yardstick import Yardstick, yardstick
 
 Real = NDArray[np.float64]
@@ -37,7 +37,6 @@ SHARED = (
     "side",
     "sign",
 )
-RESHAPED = ("frequency", "yield", "stribeck_velocity", "damping")  # what a rival may change beside its strength
 
 
 def conceal(
@@ -69,19 +68,6 @@ def _pool(bench: Bench, draw: Draw, *, unlisted: bool) -> list[Law]:
 def _start(law: Law, setting: Setting, rng: np.random.Generator) -> Effect:
     low, high = law.span(setting)
     return Effect(law, law.shape(setting, rng)).scaled(log_between(low, high, 0.5))
-
-
-@dataclass(frozen=True, eq=False)
-class Rival:
-    """A look-alike as it is held against an effect.
-
-    Attributes:
-        effect: With the effect's own frequency, order, ... where it has such a parameter too.
-        directions: What it adds, off the base's tangents, first as ``effect``, shape (n, m).
-    """
-
-    effect: Effect
-    directions: Real
 
 
 def _single(
@@ -150,17 +136,13 @@ def _undecidable(
 def _measured(
     yard: Yardstick, bench: Bench, sight: strength.Sight, rivals: Mapping[str, Rival]
 ) -> strength.Strength:
-    """z and z_d against the refitted base, the nearest rival's own numbers fitted to this case."""
+    """z and z_d against the refitted base, the nearest rivals and the base fitted to this case."""
     r = strength.refitted_base(yard, sight)
     measured = strength.graded(yard, r, sight.record, {name: rival.directions for name, rival in rivals.items()})
     if not measured.nearest:
         return measured
-    rival = rivals[measured.nearest]
-    free = [name for name in RESHAPED if name in rival.effect.values and name != rival.effect.law.strength]
-    limits = rival.effect.law.span(bench.setting)
-    d, _ = nearest_form(yard, r, rival.effect, rival.directions[:, 0], free, limits)
-    left = strength.left_over(r, np.column_stack([rival.directions, d]))
-    return replace(measured, z_d=min(measured.z_d, left))
+    found = nearest_refit(yard, bench, sight, r, rivals)
+    return replace(measured, z_d=found.z_d, nearest=found.rival) if found.z_d < measured.z_d else measured
 
 
 def _like(effect: Effect, law: Law, setting: Setting, rng: np.random.Generator) -> Effect:
@@ -224,14 +206,6 @@ def held_against(
         another = _direction(yard, bench, pools[rival], float(rng.uniform(0.2, 0.8)), rng)
         found[rival] = replace(found[rival], directions=np.column_stack([found[rival].directions, another]))
     return found
-
-
-def rival_laws(bench: Bench, label: str) -> list[Law]:
-    """Textbook laws of ``label`` that the case's experiments can show."""
-    return [
-        law for law in catalogue.laws("development")
-        if f"{law.effect}@{law.location}" == label and not law.departs and law.applies(bench.setting)
-    ]  # fmt: skip
 
 
 def _direction(yard: Yardstick, bench: Bench, laws: Sequence[Law], share: float, rng: np.random.Generator) -> Real:

@@ -1,20 +1,17 @@
-"""How near a wrong name can come to a case: a look-alike's strength and shape fitted to it, the base linear or refitted."""
+"""How near a wrong name can come to a case: a look-alike's strength and shape fitted to it together with the base."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.sim.concealed.law import Effect
-from jointscope.sim.concealed.strength import Sight, direction
+from jointscope.sim.concealed.strength import Sight
 from jointscope.sim.concealed.yardstick import Yardstick, changed, misfit_of, off
 
 Real = NDArray[np.float64]
-
-_ROUNDS: Final = 4
 
 
 def refitted(
@@ -85,52 +82,3 @@ def _damped(slopes: Real, r: Real, damping: float) -> Real:
     scaled = slopes / size
     move = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(size.size), scaled.T @ r) / size
     return np.asarray(np.clip(move, -1.0, 1.0))
-
-
-def nearest_form(
-    yard: Yardstick, r: Real, rival: Effect, first: Real, free: Sequence[str], limits: tuple[float, float]
-) -> tuple[Real, Effect]:
-    """The form of ``rival`` that comes nearest to ``r``: its strength and ``free`` parameters fitted, the base linear.
-
-    Starts at the strength that r has in proportion. Secants in the logarithms, kept up by Broyden's update; a step
-    that doesn't help is shortened once.
-
-    Args:
-        yard: Where.
-        r: What is to be come near to, shape (n,).
-        rival: Where to start from.
-        first: Its direction.
-        free: Parameters that may change beside the strength.
-        limits: Of the strength.
-
-    Returns:
-        Its direction, shape (n,), and the rival with those numbers.
-    """
-    names = (rival.law.strength, *free)
-    share = float(first @ r) / max(float(first @ first), 1e-300)
-    rival = rival.scaled(float(np.clip(share * rival.values[rival.law.strength], min(limits), max(limits))))
-    d = direction(yard, rival)
-    columns = [d]  # in proportion to the strength, to begin with
-    for name in free:
-        moved = direction(yard, Effect(rival.law, {**rival.values, name: rival.values[name] * 1.03}))
-        columns.append((moved - d) / 0.03)
-    slopes = np.column_stack(columns)
-    reach = 1.0
-    for _ in range(_ROUNDS):
-        before = float(np.linalg.norm(r - d))
-        step = reach * np.clip(np.linalg.lstsq(slopes, r - d, rcond=1e-6)[0], -1.0, 1.0)
-        predicted = float(np.linalg.norm(r - d - slopes @ step))
-        if predicted > 0.97 * before or not np.any(step):
-            break
-        values = dict(rival.values)
-        for name, shift in zip(names, step, strict=True):
-            values[name] = values[name] * float(np.exp(shift))
-        trial = direction(yard, Effect(rival.law, values))
-        if not np.any(trial):
-            break
-        slopes = slopes + np.outer(trial - d - slopes @ step, step) / float(step @ step)
-        if float(np.linalg.norm(r - trial)) < before:
-            rival, d, reach = Effect(rival.law, values), trial, 1.0
-        else:
-            reach *= 0.3
-    return d, rival

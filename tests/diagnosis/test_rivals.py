@@ -18,7 +18,7 @@ from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
-from jointscope.diagnosis.rivals import _elsewhere, _freer, _same_numbers, contained
+from jointscope.diagnosis.rivals import _elsewhere, _freer, same_numbers, contained
 from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
 from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
 
@@ -249,7 +249,7 @@ def test_a_soft_middle_lends_the_play_that_leaves_the_same_spring_outside(proble
     """Far outside both are K (Delta - gap/2): a middle that lacks 0.7 of K over +-1e-4 rad is a gap of 1.4e-4 rad there."""
     soft = ActiveEffect(law(problem, "stiffness-nonlinearity", "piecewise"), (0.7, 1e-4))
     plays = [s for s in catalogue(problem) if s.name == "backlash"]
-    trials = _same_numbers(candidates_for(problem, plays), soft)
+    trials = same_numbers(candidates_for(problem, plays), soft)
     assert {t.spec.variant for t in trials} == {s.variant for s in plays}
     for trial in trials:
         assert trial.values[[p.name for p in trial.spec.parameters].index("gap")] == pytest.approx(1.4e-4)
