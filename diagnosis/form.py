@@ -95,7 +95,7 @@ def _other_laws(objective: Objective, parent: Judged) -> list[tuple[ActiveEffect
     """The parent with another law of one of its names, by the same numbers."""
     problem = objective.problem
     _, effects = parent.fit.coordinates.unpack(parent.fit.x)
-    found = []
+    found: list[tuple[ActiveEffect, ...]] = []
     for position, effect in enumerate(effects):
         others = [
             trial

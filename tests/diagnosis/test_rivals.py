@@ -18,7 +18,7 @@ from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
-from jointscope.diagnosis.rivals import _elsewhere, _freer, same_numbers, contained
+from jointscope.diagnosis.rivals import _elsewhere, _freer, contained, same_numbers
 from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
 from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
 
