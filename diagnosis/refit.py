@@ -118,8 +118,17 @@ class _Search:
         self.x, self.w, self._normal = x, w, None
         self.base_fresh = self.effects_fresh = False
 
-    def learn(self, moved: Vector, missed: Vector) -> None:
-        """Broyden's update: J moved as it turned out, ``missed`` more than expected."""
+    def learn(self, moved: Vector, missed: Vector, *, stays: bool) -> None:
+        """Broyden's update: J moved as it turned out, ``missed`` more than expected.
+
+        Where the search ``stays``, columns that were differenced here are right, and the stale ones missed it.
+        """
+        if stays:
+            moved = moved.copy()
+            moved[: self.where.n_base] *= not self.base_fresh
+            moved[self.where.n_base :] *= not self.effects_fresh
+        if not np.any(moved):
+            return
         transposed = np.ascontiguousarray(self.jacobian).T
         self.jacobian = dger(1.0 / float(moved @ moved), moved, missed, a=transposed, overwrite_a=1).T
         self._normal = None
@@ -167,7 +176,7 @@ def _try(state: _Search, damping: float) -> tuple[Vector, Vector, float] | None:
     predicted = float(state.w @ state.w - expected @ expected)
     actual = float(state.w @ state.w - candidate @ candidate)
     if actual > 0.0 or not state.fresh:  # Broyden: a secant is better than a column differenced elsewhere
-        state.learn(moved, candidate - expected)
+        state.learn(moved, candidate - expected, stays=actual <= 0.0)
     return target, candidate, actual / predicted if predicted > 0.0 else -1.0
 
 
