@@ -47,7 +47,7 @@ def own_share(judgement: Judgement, parent: Judged, child: Judged) -> float:
     few, rows = objective.restricted(positions), objective.rows(positions)
     w = parent.fit.w[rows]
     s = w - child.fit.w[rows]
-    columns = parent.fit.jacobian[rows]
+    columns = few.columns(parent.fit.x, parent.fit.coordinates, w, range(parent.fit.coordinates.n))
     alone = _explained(s, w, columns)
     if alone <= 0.0:
         return 0.0

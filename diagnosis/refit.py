@@ -24,6 +24,7 @@ Matrix = NDArray[np.float64]
 TOLERANCE = 1e-4  # |P_B w| / |w| at convergence
 LOG_STEP = 0.7  # longest step in a logarithm
 RELATIVE_STEP = 3.0  # longest step in any other coordinate, in its own units
+CORNERS = 4  # limits that a step may run into, one after the other
 GOOD = (0.6, 1.6)  # actual over predicted decrease within which the Jacobian is trusted
 
 
@@ -155,6 +156,24 @@ class _Search:
         return self.base_fresh and (self.effects_fresh or self.where.n == self.where.n_base)
 
 
+def _bounded_step(
+    x: Vector, normal: Matrix, gradient: Vector, movable: NDArray[np.intp], where: Coordinates, damping: float
+) -> Vector:
+    """The damped step within bounds and step limits: where it meets one, the other coordinates make up for it."""
+    limit = np.where(where.logarithm, LOG_STEP, RELATIVE_STEP)
+    low, high = np.maximum(-limit, where.lower - x), np.minimum(limit, where.upper - x)
+    moved, free = np.zeros_like(x), movable
+    for _ in range(CORNERS):
+        held = np.setdiff1d(movable, free)
+        rest = gradient[free] + normal[np.ix_(free, held)] @ moved[held]
+        step = _step(normal[np.ix_(free, free)], rest, damping)
+        moved[free] = np.clip(step, low[free], high[free])
+        free = free[moved[free] == step]
+        if free.size in (0, step.size):
+            break
+    return moved
+
+
 def _try(state: _Search, damping: float) -> tuple[Vector, Vector, float] | None:
     """A damped step within bounds and step limits: (target, w there, actual over predicted decrease)."""
     where = state.where
@@ -162,12 +181,8 @@ def _try(state: _Search, damping: float) -> tuple[Vector, Vector, float] | None:
     movable = _movable(state.x, gradient, where)
     if movable.size == 0:
         return None
-    step = _step(normal[np.ix_(movable, movable)], gradient[movable], damping)
-    limit = np.where(where.logarithm, LOG_STEP, RELATIVE_STEP)[movable]
-    target = state.x.copy()
-    target[movable] += np.clip(step, -limit, limit)
-    target = np.clip(target, where.lower, where.upper)
-    moved = target - state.x
+    moved = _bounded_step(state.x, normal, gradient, movable, where, damping)
+    target = np.clip(state.x + moved, where.lower, where.upper)
     if not np.any(moved):
         return None
     candidate = state.objective.residual(target, where)

@@ -1,9 +1,11 @@
 """What a step that failed teaches: only the columns that were not differenced where the search stands."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.refit import _Search
+from jointscope.diagnosis.refit import _bounded_step, _Search
 
 
 class Where:
@@ -49,3 +51,20 @@ def test_the_normal_equations_follow_what_is_learnt():
     second, _ = state.normal
     assert not np.allclose(first, second)
     np.testing.assert_allclose(second, state.jacobian.T @ state.jacobian)
+
+
+def test_where_a_step_meets_a_bound_the_others_make_up_for_it():
+    """Of a quadratic cost the bounded step ends at the bounded optimum, and the plainly clipped one does not."""
+    rng = np.random.default_rng(2)
+    jacobian = rng.standard_normal((40, 3)) + np.array([[1.0], [1.0]] * 20)  # coordinates that pull together
+    w = jacobian @ np.array([0.4, 0.1, -0.2])
+    where = SimpleNamespace(
+        lower=np.array([-0.1, -2.0, -2.0]), upper=np.full(3, 2.0), logarithm=np.zeros(3, dtype=bool), n=3
+    )
+    normal, gradient = jacobian.T @ jacobian, jacobian.T @ w
+    step = _bounded_step(np.zeros(3), normal, gradient, np.arange(3), where, 0.0)
+    assert step[0] == -0.1
+    rest = np.linalg.lstsq(jacobian[:, 1:], -(w - 0.1 * jacobian[:, 0]), rcond=None)[0]
+    np.testing.assert_allclose(step[1:], rest, rtol=1e-6)
+    clipped = np.clip(-np.linalg.solve(normal, gradient), where.lower, where.upper)
+    assert np.linalg.norm(w + jacobian @ step) < 0.99 * np.linalg.norm(w + jacobian @ clipped)
