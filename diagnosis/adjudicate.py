@@ -41,6 +41,7 @@ REAL_UNREVEALED = 300.0  # of an effect that these experiments are not made to s
 REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything by itself
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
+ASKED = 3  # sets that are asked what no other form of their parts could do
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
@@ -328,22 +329,18 @@ def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> b
     return not hardly or all(compare(judgement, part, child).gain > REAL_UNREVEALED for part in without)
 
 
-def _stands(judgement: Judgement, part: Judged, child: Judged) -> bool:
-    """Whether the child stands over a part of it, or shows beside it what no other form of it could."""
-    found = compare(judgement, part, child)
-    return found.stands or (found.beside and own_share(judgement, part, child) > OWN_FORM)
-
-
 def standing(judgement: Judgement) -> list[Judged]:
     """Hypotheses that stand over the base and over the best law of every fitted part of themselves, best score first."""
-    found = []
+    found: list[Judged] = []
+    asked: list[tuple[Judged, list[Judged]]] = []
     best = {j.names: j for j in sorted(judgement.judged, key=lambda j: score(judgement, j))}
     for child in judgement.judged[1:]:
         parts = [part for names, part in best.items() if set(names) < set(child.names)]
         alone = max((len(p.names) for p in parts), default=0) + 1 < len(child.names)
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself
-        if not all(_stands(judgement, part, child) for part in parts):
+        over = [compare(judgement, part, child) for part in parts]
+        if not all(c.stands or c.beside for c in over):
             continue
         if any(_rings(judgement, child, part) for part in parts):
             continue
@@ -355,6 +352,20 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue
-        if parts:
+        weak = [part for part, c in zip(parts, over, strict=True) if not c.stands]
+        if weak:
+            asked.append((child, weak))
+        elif parts:
             found.append(child)
+    found.extend(_of_their_own(judgement, asked, max((score(judgement, j) for j in found), default=0.0)))
     return sorted(found, key=lambda j: -score(judgement, j))
+
+
+def _of_their_own(judgement: Judgement, asked: Sequence[tuple[Judged, list[Judged]]], lead: float) -> list[Judged]:
+    """Of sets that would lead, those that show beside each part what no other form of it could: the best few are asked."""
+    leading: dict[tuple[str, ...], tuple[Judged, list[Judged]]] = {}
+    for child, weak in sorted(asked, key=lambda pair: -score(judgement, pair[0])):
+        if score(judgement, child) > lead:
+            leading.setdefault(child.names, (child, weak))
+    few = list(leading.values())[:ASKED]
+    return [child for child, weak in few if all(own_share(judgement, part, child) > OWN_FORM for part in weak)]
