@@ -236,7 +236,7 @@ def least_squares(
         target, candidate, trust = attempt
         if candidate @ candidate < state.w @ state.w:
             state.move(target, candidate)
-            damping, growth = max(damping * (0.2 if trust > 0.7 else 1.0), 1e-9), 2.0
+            damping, growth = max(damping * (0.33 if trust > 0.7 else 1.0), 1e-9), 2.0
         else:
             damping, growth = max(damping * growth, 1e-3), growth * 2.0
         if not GOOD[0] < trust < GOOD[1] and simulations - state.spent > where.n:

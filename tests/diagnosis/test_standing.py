@@ -10,7 +10,9 @@ from jointscope.diagnosis import adjudicate, verdict
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.verdict import SURE_OF_SETS, rank
 
-STANDS, FAILS = SimpleNamespace(gain=200.0, stands=True), SimpleNamespace(gain=0.0, stands=False)
+STANDS = SimpleNamespace(gain=200.0, stands=True, beside=False)
+FAILS = SimpleNamespace(gain=0.0, stands=False, beside=False)
+BESIDE = SimpleNamespace(gain=200.0, stands=False, beside=True)
 
 
 @pytest.mark.parametrize(
@@ -49,6 +51,28 @@ def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monk
     found = adjudicate.standing(SimpleNamespace(base=base, judged=(base, best, inferior, pair)))
     assert (pair in found) is stands
     assert best in found and inferior in found
+
+
+@pytest.mark.parametrize(
+    ("own", "scored", "stands"), [(0.8, 800.0, True), (0.5, 800.0, False), (0.8, 500.0, False)]
+)
+def test_a_set_that_would_lead_stands_for_what_no_other_form_of_its_part_could_do(
+    monkeypatch, own, scored, stands
+):
+    base, part, pair = (
+        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True))
+        for names in ((), ("a@load",), ("a@load", "b@motor"))
+    )
+    scores = {id(base): 0.0, id(part): 600.0, id(pair): scored}
+    monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
+    monkeypatch.setattr(
+        adjudicate, "compare", lambda _, parent, child: BESIDE if child is pair and parent is part else STANDS
+    )
+    monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
+    monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
+    monkeypatch.setattr(adjudicate, "own_share", lambda *_: own)
+    found = adjudicate.standing(SimpleNamespace(base=base, judged=(base, part, pair)))
+    assert (pair in found) is stands
 
 
 def test_a_further_effect_that_explains_nearly_all_that_is_left_needs_no_share_of_a_strong_parent():
