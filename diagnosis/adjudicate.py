@@ -364,8 +364,8 @@ def standing(judgement: Judgement) -> list[Judged]:
 def _of_their_own(judgement: Judgement, asked: Sequence[tuple[Judged, list[Judged]]], lead: float) -> list[Judged]:
     """Of sets that would lead, those that show beside each part what no other form of it could: the best few are asked."""
     leading: dict[tuple[str, ...], tuple[Judged, list[Judged]]] = {}
-    for child, weak in sorted(asked, key=lambda pair: -score(judgement, pair[0])):
-        if score(judgement, child) > lead:
-            leading.setdefault(child.names, (child, weak))
+    scored = [(score(judgement, child), child, weak) for child, weak in asked]
+    for _, child, weak in sorted((s for s in scored if s[0] > lead), key=lambda s: -s[0]):
+        leading.setdefault(child.names, (child, weak))
     few = list(leading.values())[:ASKED]
     return [child for child, weak in few if all(own_share(judgement, part, child) > OWN_FORM for part in weak)]

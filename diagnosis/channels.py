@@ -44,9 +44,19 @@ def _table() -> Vector:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _extended(x: Vector, k: int) -> float:
+    """Node ``k`` of ``x``, odd about its ends."""
+    n = x.shape[0]
+    if k < 0:
+        return float(2.0 * x[0] - x[min(-k, n - 1)])
+    if k >= n:
+        return float(2.0 * x[n - 1] - x[max(2 * n - 2 - k, 0)])
+    return float(x[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _read(x: Vector, rate: float, t0: float, times: Vector, cutoff: float, table: Vector, out: Vector) -> None:
     """``x`` on a grid of ``rate`` from ``t0``, band-limited below half of ``cutoff``, at ``times``; odd at the ends."""
-    n = x.shape[0]
     wide = REACH * rate / cutoff
     for i in range(times.shape[0]):
         at = (times[i] - t0) * rate
@@ -58,13 +68,7 @@ def _read(x: Vector, rate: float, t0: float, times: Vector, cutoff: float, table
             cell = int(position)
             part = position - cell
             h = table[cell] + part * (table[cell + 1] - table[cell])
-            if j < 0:
-                value = 2.0 * x[0] - x[min(-j, n - 1)]
-            elif j >= n:
-                value = 2.0 * x[n - 1] - x[max(2 * n - 2 - j, 0)]
-            else:
-                value = x[j]
-            total += h * value
+            total += h * _extended(x, j)
             weight += h
         out[i] = total / weight
 
@@ -93,14 +97,7 @@ def _decimate(x: Vector, step: int, offset: int, taps: Vector, out: Vector) -> N
             continue
         at, total = offset + i * step, 0.0
         for j in range(-half, half + 1):
-            index = at + j
-            if index < 0:
-                value = 2.0 * x[0] - x[min(-index, n - 1)]
-            elif index >= n:
-                value = 2.0 * x[n - 1] - x[max(2 * n - 2 - index, 0)]
-            else:
-                value = x[index]
-            total += taps[abs(j)] * value
+            total += taps[abs(j)] * _extended(x, at + j)
         out[i] = total
 
 

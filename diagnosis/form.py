@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import representative
-from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.effects.latent import LATENT
+from jointscope.diagnosis.effects import catalogue
+from jointscope.diagnosis.effects.latent import LATENT, nodes
 from jointscope.diagnosis.rivals import same_numbers
 from jointscope.diagnosis.screen import tangent, trial_effects
 from jointscope.diagnosis.search import Effort, name_of
@@ -29,9 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from jointscope.diagnosis.adjudicate import Judged, Judgement
-    from jointscope.diagnosis.effects import EffectSpec
+    from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.objective import Objective
-    from jointscope.diagnosis.problem import Problem
 
 Matrix = NDArray[np.float64]
 
@@ -82,13 +81,8 @@ def _other_forms(objective: Objective, parent: Judged, child: Judged) -> list[tu
             found.extend(trial_effects(spec, problem, (0, 1))[: 2 * SHAPES])
     for spec in LATENT:
         if spec.location in places and spec.possible(problem) is None:
-            found.extend(_nodes(spec, problem))
+            found.extend(nodes(spec, problem))
     return [(*effects, form) for form in found]
-
-
-def _nodes(spec: EffectSpec, problem: Problem) -> list[ActiveEffect]:
-    size, n = spec.scale(problem)[1], len(spec.parameters)
-    return [ActiveEffect(spec, tuple(size if k == node else 0.0 for k in range(n))) for node in range(n)]
 
 
 def _other_laws(objective: Objective, parent: Judged) -> list[tuple[ActiveEffect, ...]]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import Judged, Judgement, evidence
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.effects import LATENT, ActiveEffect
-from jointscope.diagnosis.effects.latent import node_range
+from jointscope.diagnosis.effects.latent import node_range, nodes
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import Hypothesis
@@ -88,17 +88,16 @@ def _secants(
     """dw per medium-sized torque at each node, shape (n, 9)."""
     theta, effects = where.unpack(x)
     size = spec.scale(objective.problem)[1]
-    nodes = len(spec.parameters)
+    tables = nodes(spec, objective.problem)
 
     def column(task: tuple[int, int]) -> Vector:
         node, run = task
-        values = tuple(size if k == node else 0.0 for k in range(nodes))
-        return objective.run_residual(run, theta, (*effects, ActiveEffect(spec, values)))
+        return objective.run_residual(run, theta, (*effects, tables[node]))
 
-    tasks = [(node, run) for node in range(nodes) for run in range(len(objective.runs))]
+    tasks = [(node, run) for node in range(len(tables)) for run in range(len(objective.runs))]
     parts = objective.map(column, tasks)
     stacked = [
-        np.concatenate(parts[k * len(objective.runs) : (k + 1) * len(objective.runs)]) for k in range(nodes)
+        np.concatenate(parts[k * len(objective.runs) : (k + 1) * len(objective.runs)]) for k in range(len(tables))
     ]
     return (np.stack(stacked, axis=1) - w[:, None]) / size
 

@@ -252,7 +252,7 @@ def _parted(inertia: Vector, errors: Vector, these: NDArray[np.bool_]) -> _Parte
 
 def _payloads(stage: Stage, problem: Problem, everything: Objective) -> tuple[EffectSpec, ...]:
     laws = [spec for spec in PAYLOADS if spec.possible(problem) is None]
-    found = loaded(problem, *run_steps(stage, "load_inertia", everything)) if laws else None
+    found = loaded(problem, *run_steps(stage, "load_inertia", everything))
     if found is None:
         return ()
     members = found.members
@@ -331,11 +331,15 @@ def _whole_experiments(
 def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     """Payload and drift from run to run, where the runs' own estimates suggest them."""
     free = {problem.base.names[i] for i in np.flatnonzero(problem.base.free)}
+    payloads = "load_inertia" in free and any(spec.possible(problem) is None for spec in PAYLOADS)
+    drifts = "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None
+    if not payloads and not drifts:
+        return ()
     everything = _all_runs(stage)
     found: list[EffectSpec] = []
-    if "load_inertia" in free:
+    if payloads:
         found.extend(_payloads(stage, problem, everything))
-    if "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None:
+    if drifts:
         stiffness, errors = run_steps(stage, "stiffness", everything)
         ranks = drifting(stiffness, errors)
         angles = np.array([run.initial_angle for run in problem.runs])

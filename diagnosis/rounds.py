@@ -176,7 +176,7 @@ def _worth_more(arena: Arena, size: int) -> bool:
     """Whether a set of ``size`` leads, and is worth more than every part of it: a stand-in for two is not looked into."""
     best = arena.hypotheses[0]
     parts = [h for h in arena.hypotheses if set(h.names) < set(best.names)]
-    return len(best.names) >= size and promising(arena, best, *parts)
+    return len(best.names) >= size and (not parts or promising(arena, best, *parts))
 
 
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:

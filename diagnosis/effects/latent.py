@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.spec import (
+    ActiveEffect,
     Apply,
     EffectSpec,
     Location,
@@ -54,6 +55,12 @@ def node_range(problem: Problem, location: str, variable: str) -> tuple[float, f
         return -s.wind_up_rate, s.wind_up_rate
     low, high = (s.wind_up_low, s.wind_up_high) if variable == "wind-up" else (s.angle_low, s.angle_high)
     return (low, high) if high > low else (low - 1e-9, low + 1e-9)
+
+
+def nodes(spec: EffectSpec, problem: Problem) -> list[ActiveEffect]:
+    """The table with a medium size at one node and nothing at the others, node by node."""
+    size, count = spec.scale(problem)[1], len(spec.parameters)
+    return [ActiveEffect(spec, tuple(size if k == node else 0.0 for k in range(count))) for node in range(count)]
 
 
 def _tabled(location: str, variable: str) -> Apply:
