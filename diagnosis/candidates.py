@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.effects.lines import Residuals
 from jointscope.diagnosis.screen import trial_effects
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ FEW = ("periodic", "sensor-gain")  # ... but of these: a wrong phase hides an or
 
 
 def candidates_for(
-    problem: Problem, specs: Sequence[EffectSpec], residuals: Sequence[Sequence[Vector]] = ()
+    problem: Problem, specs: Sequence[EffectSpec], residuals: Residuals | None = None
 ) -> list[ActiveEffect]:
     """Every trial of every effect that these channels and experiments can show.
 
@@ -39,8 +40,8 @@ def candidates_for(
             smaller = tuple(range(-spec.decades, 0))
             trials = trial_effects(spec, problem, (*smaller, *sizes))
             dense = spec.residual_starts is not None and spec.family not in FEW
-            found.extend(trials[::THINNED] if dense and residuals else trials)
-            if residuals:
+            found.extend(trials[::THINNED] if dense and residuals is not None else trials)
+            if residuals is not None:
                 found.extend(where_shown(problem, (spec,), residuals, (0, 1), 1))
     return found
 
@@ -48,7 +49,7 @@ def candidates_for(
 def where_shown(
     problem: Problem,
     specs: Sequence[EffectSpec],
-    residuals: Sequence[Sequence[Vector]],
+    residuals: Residuals,
     sizes: Sequence[int] = (0,),
     every: int = WIDTHS,
 ) -> list[ActiveEffect]:
@@ -72,11 +73,11 @@ def where_shown(
     return found
 
 
-def residuals_of(objective: Objective, predictions: Predictions) -> list[list[Vector]]:
+def residuals_of(objective: Objective, predictions: Predictions) -> Residuals:
     """Data less ``predictions`` for every run and output of the problem; zeros for runs that are not the objective's."""
     runs = objective.problem.runs
     found = [[np.zeros(len(o.data)) for o in run.outputs] for run in runs]
     for position, predicted in zip(objective.runs, predictions, strict=True):
         pairs = zip(runs[position].outputs, predicted, strict=True)
         found[position] = [np.where(o.mask, o.data - y, 0.0) for o, y in pairs]
-    return found
+    return Residuals(found)

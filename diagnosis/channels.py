@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.superposition import superposed
 from jointscope.diagnosis.wind_up import WIND_UP
-from jointscope.recordings.campaign import FORCES
+from jointscope.recordings.campaign import FORCES, gearing
 from jointscope.recordings.drift import FOLLOWING
 
 if TYPE_CHECKING:
@@ -242,11 +242,11 @@ def _smooth(x: Vector, run: PreparedRun, times: Vector) -> Vector:
 
 def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Output) -> Vector:
     """The physical quantity at the sensor on the simulation grid, in the output's unit."""
-    quantity, n = output.quantity, run.ratio
-    motor = output.location == "motor"
+    quantity, motor = output.quantity, output.location == "motor"
+    n = gearing(quantity, output.location, run.ratio)
     if quantity in ("angle", "position"):
         column = states[:, kernel.X_QS] if motor else states[:, kernel.X_Q]
-        return np.asarray((column - column[0] + run.initial_angle) * (n if motor else 1.0))
+        return np.asarray((column - column[0] + run.initial_angle) * n)
     if quantity == WIND_UP:
         return np.asarray(states[:, kernel.X_QS] - states[:, kernel.X_Q])
     if quantity in ("angular-velocity", "velocity"):

@@ -4,7 +4,7 @@ A law of the right name and the wrong form leaves something, and something alway
 little of the evidence is not believed for its evidence alone. Here it is asked what of it the first ones' own places could
 have done instead. With w what the parent leaves, s what the child changes, both whitened, J the parent's columns and F
 those of every other law at the parent's places, small and medium, of its own names' other laws with its own numbers, and of
-forces without a name there,
+forces without a name there (a sensor that bends every sample by itself has no form that lags),
 
     own = (s'P w)^2 / (s'P s) over the same with F left out, P = I - B B^+, B = [J, F]:
 
@@ -76,7 +76,10 @@ def _other_forms(objective: Objective, parent: Judged, child: Judged) -> list[tu
     places = {spec.location for spec in parent.hypothesis.specs}
     added = set(child.names) - set(parent.names)
     found: list[ActiveEffect] = []
+    plain = all(spec.memoryless for spec in parent.hypothesis.specs if spec.location == "acquisition")
     for spec in catalogue(problem):
+        if spec.location == "acquisition" and plain and not spec.memoryless:
+            continue
         if spec.location in places and name_of(spec) not in added and spec.possible(problem) is None:
             found.extend(trial_effects(spec, problem, (0, 1))[: 2 * SHAPES])
     for spec in LATENT:

@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 from scipy.signal.windows import hann
 
 from jointscope.diagnosis.recorder_step import recorder_step
+from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
@@ -140,7 +141,7 @@ def noise_share(run: PreparedRun, output: Output, way: Inlet, step: float, obser
     if run.motor is None:
         return 0.0
     torque = way.factor * run.motor.noise / math.sqrt(run.motor.signal.rate)
-    lever = run.ratio if output.location == "motor" else 1.0
+    lever = gearing(output.quantity, output.location, run.ratio)
     reached = torque / way.inertia * lever / observer**2
     own = max(white_part(output.data[output.mask]), step / math.sqrt(12.0)) / math.sqrt(output.rate)
     return (reached / own) ** 2 if own > 0.0 else 0.0

@@ -19,7 +19,7 @@ from jointscope.diagnosis.acquisition import load_input
 from jointscope.diagnosis.assembly import assemble
 from jointscope.diagnosis.channels import recorded
 from jointscope.diagnosis.effects import bends
-from jointscope.diagnosis.effects.lines import response_peaks, spectral_peaks
+from jointscope.diagnosis.effects.lines import Residuals, response_peaks, spectral_peaks
 from jointscope.diagnosis.superposition import accelerometers, modal_acceleration
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _unit(output: Output) -> float:
     return (output.radius or 1.0) if output.quantity == "linear-acceleration" else 1.0
 
 
-def several_bends(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> tuple[EffectSpec, ...]:
+def several_bends(stage: Stage, residuals: Residuals) -> tuple[EffectSpec, ...]:
     """The law of as many modes as the hits show clearly, starting where they are; none below ``FEWEST``.
 
     Args:
@@ -130,7 +130,7 @@ def several_bends(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> tuple[
     return (bends.started(len(modes), hits.places, (*values, *shapes[1:])),)
 
 
-def _hits(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> _Hits | None:
+def _hits(stage: Stage, residuals: Residuals) -> _Hits | None:
     problem = stage.objective.problem
     counts = {len(accelerometers(run.outputs)) for run in problem.runs}
     if bends.possible(problem) is not None or len(counts) != 1 or not 1 <= max(counts) <= bends.MOST_SENSORS:
@@ -142,7 +142,7 @@ def _hits(stage: Stage, residuals: Sequence[Sequence[Vector]]) -> _Hits | None:
         run = problem.runs[i]
         assembly = assemble(run, theta, problem)
         forces.append(load_input(assembly)[::2] / assembly.base("load_inertia"))
-        rows = {o.channel: (r, y) for o, r, y in zip(run.outputs, residuals[i], predicted, strict=True)}
+        rows = {o.channel: (r, y) for o, r, y in zip(run.outputs, residuals.rows[i], predicted, strict=True)}
         pairs = [(o, *rows[o.channel]) for o in accelerometers(run.outputs)]
         left.append([r * o.mask for o, r, _ in pairs])
         base.append([y * o.mask for o, _, y in pairs])
@@ -195,10 +195,10 @@ def _next(hits: _Hits, modes: Sequence[tuple[float, float]]) -> tuple[float, flo
         for o, x in zip(accelerometers(problem.runs[run].outputs), left[i], strict=True):
             rows[run][[p is o for p in problem.runs[run].outputs].index(True)] = np.asarray(x)
     rate = min(o.rate for o in accelerometers(hits.run(0).outputs))
-    band, count = (4.0 / hits.longest, REACH * rate), TRIED + len(modes)
+    band, count, kept = (4.0 / hits.longest, REACH * rate), TRIED + len(modes), Residuals(rows)
     peaks = (
-        *response_peaks(problem, rows, *band, count),
-        *spectral_peaks(problem, rows, *band, count, narrow=False),
+        *response_peaks(problem, kept, *band, count),
+        *spectral_peaks(problem, kept, *band, count, narrow=False),
     )
     tried = [
         (f + part / hits.longest, zeta)

@@ -112,7 +112,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     others = [r for r in decision.ranking[1:5] if r.names and r.score > SECOND * top.score]
     kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]
     if kept:
-        sure = SECOND_CHOICE * kept[0].probability / sum(r.probability for r in kept)
+        total = sum(r.probability for r in kept)  # 0 where all are beyond reach of the one that does not stand
+        sure = SECOND_CHOICE * (kept[0].probability / total if total > 0.0 else 1.0 / len(kept))
         fit = adequacy_of(diagnosis.judgement, kept[0].judged)
         changed = replace(decision, chosen=kept[0].judged, probability=sure, candidates=(), adequacy=fit)
     else:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
-from jointscope.recordings.campaign import FORCES
+from jointscope.recordings.campaign import FORCES, gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
@@ -79,7 +79,7 @@ def responses(runs: tuple[PreparedRun, ...], *, exact: bool = False) -> tuple[Re
 
 
 def _to_joint(run: PreparedRun, output: Output) -> float:
-    factor = run.ratio if output.location == "motor" else 1.0
+    factor = gearing(output.quantity, output.location, run.ratio)
     return factor * ((output.radius or 1.0) if output.quantity == "linear-acceleration" else 1.0)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, Output, PreparedRun
@@ -107,7 +108,7 @@ def _stiffness(found: Vector, runs: tuple[PreparedRun, ...]) -> None:
         if pair is None or not run.motor_moves:
             continue
         motor, arm = pair
-        q_s = np.interp(run.time, motor.times, motor.data / run.ratio)
+        q_s = np.interp(run.time, motor.times, motor.data / gearing(motor.quantity, motor.location, run.ratio))
         q = np.interp(run.time, arm.times, arm.data) * _same_sense(motor, arm)
         q = _smooth(q, run.grid_rate)
         v = np.gradient(q) * run.grid_rate

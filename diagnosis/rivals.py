@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
+from jointscope.diagnosis.effects.friction import falling_about
 from jointscope.diagnosis.effects.periodic import PHASES, slower_lines
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
@@ -126,14 +127,12 @@ def grown(
     blind = all(run.observed is None for run in objective.problem.runs)
     for place in _places(leader):
         wider = {outer for inner, outer in CONTAINED if inner == place.spec.name}
-        trials = [
-            _with_force(c, place.effect.values[0])
+        about = [
+            falling_about(c, place.effect.values[0])
             for c in candidates
             if c.spec.name in wider and c.spec.location == place.spec.location
         ]
-        if any(t.spec.parameters[0].name != place.spec.parameters[0].name for t in trials):
-            trials = []
-        trials.extend(_same_shape(trials, place.effect))
+        trials = [*about, *_same_shape(about, place.effect)]
         for group in (trials, *_freer(candidates, place.effect)):
             if not group:
                 continue
@@ -250,7 +249,10 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
     known = {("asymmetry", "1"): 0.0}
     known.update(((p.name, p.unit), v) for p, v in zip(leader.spec.parameters, leader.values, strict=True))
     if ("soft_share", "1") in known:  # the play that leaves the same spring outside of a soft middle
-        known["gap", "rad"] = 2.0 * known["soft_share", "1"] * known["transition_angle", "rad"]
+        unit = next(
+            p.unit for p in leader.spec.parameters if p.name == "transition_angle"
+        )  # m where the axis slides
+        known["gap", unit] = 2.0 * known["soft_share", "1"] * known["transition_angle", unit]
     found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
         keys = [(p.name, p.unit) for p in trial.spec.parameters]

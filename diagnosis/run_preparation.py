@@ -17,7 +17,7 @@ from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
-from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Signal
+from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Signal, gearing
 
 Vector = NDArray[np.float64]
 
@@ -186,7 +186,7 @@ def _observed(recorded: list[Signal], rig: Nameplate, run: Run) -> Observed | No
             channel = signal.channel
             if channel.role != "output" or (channel.quantity, channel.location) != (quantity, location):
                 continue
-            n = (rig.reduction_ratio or 1.0) if location == "motor" else 1.0
+            n = gearing(quantity, location, rig.reduction_ratio or 1.0)
             speed = quantity in ("angular-velocity", "velocity")
             samples = np.asarray(signal.samples, dtype=np.float64) / n
             if not speed:
@@ -283,12 +283,11 @@ def _output(
     times = signal.stream.start + np.arange(data.size) / signal.sampling_rate
     mask = np.isfinite(data)
     data = np.where(mask, data, 0.0)
-    motor = channel.location == "motor"
     angular = channel.quantity in ("angle", "position")
     followed = observed is not None and _is_observed(channel, observed, signal.device, rig)
     offset = 0.0
     if angular and recorded and data.size:
-        offset = _first(data) - angle * ((rig.reduction_ratio or 1.0) if motor else 1.0)
+        offset = _first(data) - angle * gearing(channel.quantity, channel.location, rig.reduction_ratio or 1.0)
     if data.size > 64:
         mask[-TAIL:] = False
     if run.initial == "estimate":
@@ -355,7 +354,7 @@ def _grid(
 def _initial_angle(run: Run, rig: Nameplate, prescribed: Signal | None) -> float:
     if prescribed is None:
         return run.arm_angle
-    n = (rig.reduction_ratio or 1.0) if prescribed.channel.location == "motor" else 1.0
+    n = gearing(prescribed.channel.quantity, prescribed.channel.location, rig.reduction_ratio or 1.0)
     return float(prescribed.samples[0]) / n
 
 
@@ -371,15 +370,14 @@ def _initial_speed(observed: Observed | None) -> float:
 def _motor_zero(recorded: list[Signal], rig: Nameplate, run: Run) -> float:
     for signal in recorded:
         if signal.channel.quantity in ("angle", "position") and signal.channel.location == "motor":
-            return (
-                _first(np.asarray(signal.samples, dtype=np.float64)) / (rig.reduction_ratio or 1.0) - run.arm_angle
-            )
+            n = gearing(signal.channel.quantity, "motor", rig.reduction_ratio or 1.0)
+            return _first(np.asarray(signal.samples, dtype=np.float64)) / n - run.arm_angle
     return 0.0
 
 
 def _path(signal: Signal, rig: Nameplate, half: Vector) -> tuple[Vector, Vector, Vector]:
     """A prescribed motion and its first two derivatives at half steps, after a zero-phase low-pass."""
-    n = (rig.reduction_ratio or 1.0) if signal.channel.location == "motor" else 1.0
+    n = gearing(signal.channel.quantity, signal.channel.location, rig.reduction_ratio or 1.0)
     rate = signal.sampling_rate
     smooth = sosfiltfilt(butter(4, min(INVERSE_CORNER, 0.2 * rate), fs=rate, output="sos"), signal.samples / n)
     path = bandlimited(smooth, rate, signal.stream.start)

@@ -33,6 +33,7 @@ from jointscope.diagnosis.wind_up import with_wind_up
 from jointscope.identification.drive import identify_drive
 from jointscope.models.parameters import Joint, ParameterError
 from jointscope.recordings.bandlimited import bandlimited
+from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.drive_angle import DriveLaw
@@ -168,7 +169,7 @@ def inverted(output: Output, run: PreparedRun) -> Output:
     """The channel turned round; an angle about where the run starts."""
     if output.quantity not in ("angle", "position"):
         return replace(output, data=-output.data, polarity=-output.polarity, offset=-output.offset)
-    start = run.initial_angle * (run.ratio if output.location == "motor" else 1.0)
+    start = run.initial_angle * gearing(output.quantity, output.location, run.ratio)
     offset = -(output.offset + 2.0 * start)
     return replace(output, data=2.0 * start - output.data, polarity=-output.polarity, offset=offset)
 

@@ -17,6 +17,7 @@ from jointscope.diagnosis import kernel
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.input_noise import Pole
 from jointscope.diagnosis.wind_up import WIND_UP
+from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -72,7 +73,7 @@ def response(assembly: Assembly, run: PreparedRun, output: Output, omega: float)
     if output.quantity == WIND_UP:
         return complex(truth[0] - truth[1])
     side = truth[0 if output.location == "motor" else 1]
-    scale = run.ratio if output.location == "motor" else 1.0
+    scale = gearing(output.quantity, output.location, run.ratio)
     if output.quantity in ("angle", "position"):
         return complex((side - follow) * scale)
     if output.quantity in ("angular-velocity", "velocity"):

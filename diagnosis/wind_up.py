@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.recordings.campaign import gearing
+
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Output, PreparedRun
 
@@ -24,7 +26,8 @@ def with_wind_up(run: PreparedRun) -> PreparedRun:
     motor = next((o for o in run.outputs if o.observed and o.location == "motor" and o.quantity in _ANGLES), None)
     if motor is None or not run.motor_moves:
         return run
-    outputs = tuple(_difference(motor, o, run.ratio) if _pairs(motor, o) else o for o in run.outputs)
+    n = gearing(motor.quantity, motor.location, run.ratio)
+    outputs = tuple(_difference(motor, o, n) if _pairs(motor, o) else o for o in run.outputs)
     return replace(run, outputs=outputs)
 
 

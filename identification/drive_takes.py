@@ -74,9 +74,9 @@ def _motor_speed(campaign: Campaign, run: Run) -> tuple[float, float, Any, int, 
     ratio = campaign.rig.reduction_ratio or 1.0
     choices: Sequence[tuple[tuple[Signal, ...], int, float]] = (
         (run.select("angular-velocity", location="motor"), 0, 1.0),
-        (run.select("velocity", location="motor"), 0, 1.0),
+        (run.select("velocity", location="motor"), 0, ratio),
         (run.select("angle", location="motor"), 1, 1.0),
-        (run.select("position", location="motor"), 1, 1.0),
+        (run.select("position", location="motor"), 1, ratio),
         (run.select("angular-velocity", location="arm"), 0, ratio),
         (run.select("angle", location="arm"), 1, ratio),
     )

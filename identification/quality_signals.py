@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.recordings.bandlimited import resampled
-from jointscope.recordings.campaign import Nameplate, Run, Signal
+from jointscope.recordings.campaign import SLIDING, Nameplate, Run, Signal
 
 Real = NDArray[np.float64]
 ORDER: Final = {
@@ -104,7 +104,7 @@ def ratio_to_output(signal: Signal, rig: Nameplate) -> float | None:
     if channel.quantity == "linear-acceleration":
         tangential = channel.direction == "tangential" and channel.radius is not None
         return 1.0 / channel.radius if tangential and channel.radius else None
-    if channel.location == "motor" and rig.motion == "rotational":
+    if channel.location == "motor" and channel.quantity not in SLIDING:
         return None if rig.reduction_ratio is None else 1.0 / rig.reduction_ratio
     return 1.0
 

@@ -21,7 +21,7 @@ from jointscope.prediction.plant import Plant, prescribed_motion
 from jointscope.prediction.torque_input import torque_input
 from jointscope.prediction.torque_log import TorqueLog
 from jointscope.recordings.bandlimited import bandlimited
-from jointscope.recordings.campaign import Run, Signal
+from jointscope.recordings.campaign import Run, Signal, gearing
 
 Real = NDArray[np.float64]
 
@@ -166,5 +166,5 @@ def _prescribed(run: Run, plant: Plant, t: Real) -> Real | None:
     if signal is None:
         return None
     record = bandlimited(signal.samples, signal.sampling_rate, signal.stream.start)
-    ratio = plant.ratio if signal.channel.location == "motor" else 1.0
+    ratio = gearing(signal.channel.quantity, signal.channel.location, plant.ratio)
     return np.stack([record(t, order) for order in range(3)]) / ratio

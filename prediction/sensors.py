@@ -18,7 +18,7 @@ from jointscope.errors import RefusedError
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.prediction.integrate import Motion
 from jointscope.prediction.plant import Plant
-from jointscope.recordings.campaign import Nameplate, Signal
+from jointscope.recordings.campaign import Nameplate, Signal, gearing
 
 Real = NDArray[np.float64]
 
@@ -48,18 +48,18 @@ def read_channel(
 def _at_steps(signal: Signal, motion: Motion, plant: Plant, rig: Nameplate) -> Real:
     channel = signal.channel
     quantity, at_motor = channel.quantity, channel.location == "motor"
-    n = plant.ratio
+    n, geared = plant.ratio, gearing(quantity, channel.location, plant.ratio)
     if quantity == "linear-acceleration":
         vertical: Literal[0, 1] = 1 if rig.plane == "vertical" and rig.motion == "rotational" else 0
         radius = channel.radius if channel.radius is not None else 1.0
         values = accelerometer(motion, radius, channel.direction, vertical * STANDARD_GRAVITY)
         return ac_coupled(values, motion.rate, channel.low_cutoff or 0.0) if channel.coupling == "ac" else values
     if quantity in ("angle", "position"):
-        return np.asarray(n * motion.motor_angle if at_motor else motion.angle)
+        return np.asarray(geared * motion.motor_angle if at_motor else motion.angle)
     if quantity in ("angular-velocity", "velocity"):
-        return np.asarray(n * motion.motor_speed if at_motor else motion.speed)
+        return np.asarray(geared * motion.motor_speed if at_motor else motion.speed)
     if quantity in ("angular-acceleration", "acceleration"):
-        values = n * motion.motor_acceleration if at_motor else motion.acceleration
+        values = geared * motion.motor_acceleration if at_motor else motion.acceleration
         return ac_coupled(values, motion.rate, channel.low_cutoff or 0.0) if channel.coupling == "ac" else values
     if quantity in ("torque", "force") and not at_motor:
         lever = channel.radius if quantity == "force" and channel.radius is not None else 1.0

@@ -29,6 +29,15 @@ Hold = Literal["brake", "brake-with-play", "drive", "locked", "free"]
 
 FORCES: Final = ("torque", "current", "voltage", "force")  # what drives a rig, in any unit
 ANGLE_OF: Final[dict[str, Quantity]] = {"angular-velocity": "angle", "velocity": "position"}
+SLIDING: Final = ("position", "velocity", "acceleration")  # in metres, wherever they are read
+
+
+def gearing(quantity: str, location: str, ratio: float) -> float:
+    """What a motion channel reads per unit of motion at the output: n on the motor's shaft, which turns, else 1.
+
+    A ``position`` at the motor of a translational rig is where the screw puts the carriage [m], not the shaft's angle.
+    """
+    return ratio if location == "motor" and quantity not in SLIDING else 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import bandlimited
-from jointscope.recordings.campaign import Campaign, Run, Signal
+from jointscope.recordings.campaign import Campaign, Run, Signal, gearing
 from jointscope.recordings.motor_torque import motor_torque
 from jointscope.sim.physics import Acquisition, Record
 from jointscope.sim.stepping import Controller
@@ -134,7 +134,7 @@ def initial_speed(campaign: Campaign, run: Run) -> float:
             for signal in run.select(role="output"):
                 if signal.channel.quantity not in kinds or signal.channel.location != location:
                     continue
-                n = (campaign.rig.reduction_ratio or 1.0) if location == "motor" else 1.0
+                n = gearing(signal.channel.quantity, location, campaign.rig.reduction_ratio or 1.0)
                 count = min(25, max(2, int(0.1 * signal.sampling_rate) + 1)) if order else 1
                 first = signal.samples[:count] / n
                 return float(np.polyfit(signal.times[:count], first, 1)[0]) if order else float(first[0])

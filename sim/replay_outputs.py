@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
-from jointscope.recordings.campaign import FORCES, Campaign, Channel, Run, Signal
+from jointscope.recordings.campaign import FORCES, Campaign, Channel, Run, Signal, gearing
 from jointscope.sim.measurement import Device
 from jointscope.sim.measurement_sensors import iepe
 from jointscope.sim.physics import Acquisition
@@ -67,7 +67,7 @@ def _ideal(campaign: Campaign, run: Run, signal: Signal, trace: Trace, radii: di
         side = "motor" if at_motor and two else "arm"
         name = f"{side} {_KINDS[channel.quantity]}"
         values = signals.get(name, np.zeros(len(trace.times)))  # a braked motor stands still
-        return values * ratio(campaign) if at_motor else values
+        return values * gearing(channel.quantity, "motor", ratio(campaign)) if at_motor else values
     if channel.quantity in ("force", "torque", "current", "voltage") and "load force" in signals:
         return signals["load force"] / (channel.radius or 1.0) / _per_unit(campaign, channel)
     torque = trace.inputs.get("motor", trace.inputs.get("motor on load"))

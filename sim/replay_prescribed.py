@@ -15,7 +15,7 @@ from scipy import signal as dsp
 
 from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import bandlimited
-from jointscope.recordings.campaign import Run, Signal
+from jointscope.recordings.campaign import Run, Signal, gearing
 from jointscope.sim.bench import Setup, set_up
 from jointscope.sim.physics import Physics, Record
 from jointscope.sim.stepping import Trace, machine, read_out
@@ -36,7 +36,7 @@ def prescribed(run: Run) -> Signal | None:
 
 def path_of(signal: Signal, ratio: float) -> Record:
     """The motion at the output [rad or m] as a smooth function of time."""
-    rate, n = signal.sampling_rate, ratio if signal.channel.location == "motor" else 1.0
+    rate, n = signal.sampling_rate, gearing(signal.channel.quantity, signal.channel.location, ratio)
     sections = dsp.butter(4, min(CORNER, 0.2 * rate), fs=rate, output="sos")
     return bandlimited(dsp.sosfiltfilt(sections, signal.samples / n), rate, signal.stream.start)
 

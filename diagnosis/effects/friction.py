@@ -12,11 +12,13 @@ amplitude, and 4 c_q w_0 A^2 / (3 pi J) to quadratic drag; the resonance is not 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.effects.spec import (
+    ActiveEffect,
     Apply,
     EffectSpec,
     Location,
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 SLOWEST = 1e-3  # of the top speed, below which a Stribeck speed is not told from sticking
 FASTEST = 0.8  # of the top speed, beyond which friction that falls is viscous damping that is too large
 LARGER = 1.08  # breakaway over sliding friction, from which it is a Stribeck friction
+LITTLE_LESS, MORE = 0.95, 1.3  # of a Coulomb friction, where a Stribeck friction about it begins
 LARGEST = 5.0  # of the sliding friction, beyond which a breakaway is another law's
 
 
@@ -81,6 +84,22 @@ def breaks_away(values: Values) -> bool:
     And by no more than dry friction's is: twice in most contacts.
     """
     return LARGER * values[0] < values[1] < LARGEST * values[0]
+
+
+def falling_about(active: ActiveEffect, torque: float) -> ActiveEffect:
+    """A Stribeck friction about a Coulomb friction of this torque, bound to fall: T below it, T_b above it.
+
+    Left free, the search for it ends with friction that rises from standstill, which says as much as Coulomb's law and is
+    no Stribeck friction.
+    """
+    spec, values = active.spec, dict(zip((p.name for p in active.spec.parameters), active.values, strict=True))
+    bounds = {"torque": (0.0, torque), "breakaway": (LARGER * torque, LARGEST * torque)}
+    parameters = tuple(
+        replace(p, lower=bounds[p.name][0], upper=bounds[p.name][1]) if p.name in bounds else p
+        for p in spec.parameters
+    )
+    values |= {"torque": LITTLE_LESS * torque, "breakaway": MORE * torque}
+    return ActiveEffect(replace(spec, parameters=parameters), tuple(values[p.name] for p in parameters))
 
 
 def excess(torque: float, breakaway: float) -> float:

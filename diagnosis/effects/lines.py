@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +16,29 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 Vector = NDArray[np.float64]
-Residuals = Sequence[Sequence[Vector]]  # per run of the problem, per output of the run: data - prediction
 
 _APART = 0.04  # relative spacing of two lines that count as two
 
 
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """What a model leaves: data less prediction, zero where nothing is scored.
+
+    Attributes:
+        rows: Per run of the problem and output of the run, shape (n,).
+    """
+
+    rows: Sequence[Sequence[Vector]]
+
+    def __iter__(self) -> Iterator[Sequence[Vector]]:
+        return iter(self.rows)
+
+
 def recorded(problem: Problem) -> Residuals:
     """The data themselves, where no model's residual is at hand."""
-    return [[np.where(o.mask, o.data - np.mean(o.data), 0.0) for o in run.outputs] for run in problem.runs]
+    return Residuals(
+        [[np.where(o.mask, o.data - np.mean(o.data), 0.0) for o in run.outputs] for run in problem.runs]
+    )
 
 
 def spectral_peaks(

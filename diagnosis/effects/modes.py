@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.effects.lines import Residuals, response_peaks, spectral_peaks
+from jointscope.diagnosis.effects.lines import Residuals, spectral_peaks
+from jointscope.diagnosis.effects.narrow import narrow_modes
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 _DAMPING = 0.02  # start; narrow enough to be a mode, wide enough for a grid of frequencies to hit it
 _GRID = 1.15
+_WIDEST = (0.1, 12.0)  # times the joint's resonance, where any mode is looked for
 
 
 def _two_states(assembly: Assembly, switch: int) -> None:
@@ -125,19 +127,20 @@ def _grid(low: float, high: float, *tail: float) -> Starts:
 
 def _peaks(low: float, high: float, *tail: float) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
-        band = _band(problem, low, high)
-        found = [
-            *response_peaks(problem, residuals, *band, 5),
-            *spectral_peaks(problem, residuals, *band, 3, narrow=False),
+        bottom, top = _band(problem, low, high)
+        shown = [
+            mode for mode in narrow_modes(problem, residuals, *_band(problem, *_WIDEST)) if bottom < mode[0] < top
         ]
-        return tuple((f, damping, *tail) for f in found for damping in (0.01, 0.03))
+        broad = spectral_peaks(problem, residuals, bottom, top, 3, narrow=False)
+        found = [*shown, *((f, 0.01) for f in broad)]
+        return tuple((f, d, *tail) for f, zeta in found for d in (zeta, 0.03 if zeta < 0.03 else 0.01))
 
     return starts
 
 
 def _limits(problem: Problem) -> dict[str, tuple[float, float]]:
     inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
-    low, high = _band(problem, 0.1, 12.0)
+    low, high = _band(problem, *_WIDEST)
     return {"frequency": (low, high), "inertia": (0.0, 0.9 * inertia)}
 
 

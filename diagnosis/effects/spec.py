@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.effects.lines import Residuals
     from jointscope.diagnosis.problem import Problem
 
 Location = Literal["motor", "transmission", "load", "base", "neighbour", "acquisition"]
@@ -49,7 +47,7 @@ Apply = Callable[["Assembly", Values, float], None]
 Scale = Callable[["Problem"], tuple[float, float, float]]
 Starts = Callable[["Problem"], tuple[Values, ...]]
 Possible = Callable[["Problem"], "str | None"]
-ResidualStarts = Callable[["Problem", "Sequence[Sequence[NDArray[np.float64]]]"], tuple[Values, ...]]
+ResidualStarts = Callable[["Problem", "Residuals"], tuple[Values, ...]]
 
 
 def always(values: Values) -> bool:
@@ -87,6 +85,7 @@ class EffectSpec:
         decades: How often a tenth of the smallest size is tried too: a law with a threshold is another one at each.
         local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
         exact: Whether nature knows the law in this form only: what it leaves is something else.
+        memoryless: Whether it bends every sample by itself: no form of it lags or rings.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
         sensible_at: The same at a rig: a stop that stops nothing is none, nor a ripple of less than a period.
     """
@@ -111,6 +110,7 @@ class EffectSpec:
     decades: int = 0
     local: bool = False
     exact: bool = False
+    memoryless: bool = False
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
     sensible_at: Callable[[Problem, Values], bool] | None = field(default=None, repr=False)
 

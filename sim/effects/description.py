@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from jointscope.errors import InputError
-from jointscope.recordings.campaign import Run
+from jointscope.recordings.campaign import Run, gearing
 from jointscope.sim.effects.instruments import INSTRUMENTS, instruments
 from jointscope.sim.effects.joint_law import MECHANICS, Frame, joint_law
 from jointscope.sim.physics import Physics
@@ -89,7 +89,7 @@ def motor_zero(run: Run, ratio: float) -> float:
         for signal in run.select(quantity, location="motor"):
             samples = signal.samples[np.isfinite(signal.samples)]
             if samples.size:
-                return float(np.median(samples[:8])) / ratio - run.arm_angle
+                return float(np.median(samples[:8])) / gearing(quantity, "motor", ratio) - run.arm_angle
     return 0.0
 
 

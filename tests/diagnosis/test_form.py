@@ -54,6 +54,19 @@ def test_a_mode_beside_a_clipped_record_is_no_form_of_clipping(problem, asked):
     assert asked(clip, mode) > 0.6
 
 
+def test_a_late_log_beside_a_sensor_that_bends_is_no_form_of_bending(problem, asked):
+    """A curve of each sample by itself has no form that lags, though a sensor's other laws do."""
+    bends = law(problem, "sensor-saturation", "acquisition", "compressing")
+    late = law(problem, "delay", "acquisition", "constant")
+    assert asked(ActiveEffect(bends, (2.0 * problem.scales.acceleration, 2.0)), ActiveEffect(late, (3e-4,))) > 0.6
+
+
+def test_a_late_log_beside_a_ringing_sensor_may_be_its_own_form(problem, asked):
+    rings = law(problem, "sensor-resonance", "acquisition", "bandwidth")
+    late = law(problem, "delay", "acquisition", "constant")
+    assert asked(ActiveEffect(rings, (300.0,)), ActiveEffect(late, (3e-4,))) < 0.6
+
+
 def test_rounded_friction_where_friction_is_even_is_a_form_of_it(problem, asked):
     """What another law of the first one's own name does from its own numbers is nobody else's doing."""
     friction = at_size(law(problem, "coulomb-friction", "load", "plain"), problem, 1)

@@ -42,10 +42,16 @@ def test_held_out_runs_gain_what_was_foretold_and_not_far_more(figures, stands):
 
 
 @pytest.mark.parametrize(
-    ("lead", "held_gain", "said"), [(40.0, 80.0, "unknown"), (5.0, 80.0, "effects"), (40.0, 1.0, "effects")]
+    ("lead", "held_gain", "material", "said"),
+    [
+        (40.0, 80.0, 0.01, "unknown"),
+        (5.0, 80.0, 0.01, "effects"),
+        (40.0, 1.0, 0.01, "effects"),
+        (40.0, 80.0, 1e-3, "effects"),
+    ],
 )
-def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead, held_gain, said):
-    """By 15 nats, with held-out runs that agree; else the effect of the table is named."""
+def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead, held_gain, material, said):
+    """By 15 nats, with held-out runs that agree, and it must matter; else the effect of the table is named."""
     law = next(s for s in STRANGERS if s.name == "rubbing")
     listed, other = stand_in("hysteresis@transmission", ""), stand_in("rubbing@transmission", "")
     other.hypothesis.specs = (law,)
@@ -53,7 +59,7 @@ def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead
     scores = {listed.names: 500.0, other.names: 500.0 + lead}
     monkeypatch.setattr(verdict, "standing", lambda judgement: [listed])
     monkeypatch.setattr(verdict, "score", lambda judgement, j: scores[j.names])
-    monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, held_gain=held_gain))
+    monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, held_gain=held_gain, material=material))
     monkeypatch.setattr(verdict, "distance", lambda *_: 100.0)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 1.0, 0.0, 0.0))
     noise = SimpleNamespace(blocks={})
@@ -290,6 +296,7 @@ def test_the_law_that_contains_another_must_lead_it(monkeypatch):
     monkeypatch.setattr(verdict, "standing", lambda judgement: judged[1:])
     monkeypatch.setattr(verdict, "compare", lambda *_: None)
     monkeypatch.setattr(verdict, "distance", lambda *_: 40.0)
+    monkeypatch.setattr(verdict, "_left_open", lambda *_: False)
     for inner, lead, named in (
         (4e3, 5.0, "coulomb-friction@load"),
         (4e3, 30.0, "stribeck-friction@load"),
@@ -299,6 +306,29 @@ def test_the_law_that_contains_another_must_lead_it(monkeypatch):
         scores = {"coulomb-friction@load": inner, "stribeck-friction@load": inner + lead}
         monkeypatch.setattr(verdict, "score", lambda judgement, j, scores=scores: scores[j.names[0]])
         assert rank(SimpleNamespace(judged=judged, base=judged[0]))[0].names == (named,)
+
+
+@pytest.mark.parametrize(
+    ("behind", "sensible", "sure"), [(2.0, True, False), (20.0, True, True), (2.0, False, True)]
+)
+def test_of_two_laws_that_say_the_same_the_simpler_is_named_and_not_sworn_to(monkeypatch, behind, sensible, sure):
+    """What a wider law's numbers cost is no evidence against it, where its likelihood is the same."""
+    inner, outer = stand_in("coulomb-friction@load", "plain"), stand_in("stribeck-friction@load", "gaussian")
+    outer.hypothesis.sensible = sensible
+    for judged, occam in ((inner, 5.0), (outer, 15.0)):
+        judged.occam, judged.occam_held = occam, 0.0
+    judged = (SimpleNamespace(names=()), inner, outer)
+    scores = {inner.names: 4000.0, outer.names: 3975.0}
+    against = replace(FOUND, gain=-10.0 - 0.5 * behind, held_gain=-0.5 * behind)
+    monkeypatch.setattr(verdict, "standing", lambda judgement: [inner])
+    monkeypatch.setattr(verdict, "score", lambda judgement, j: scores[j.names])
+    monkeypatch.setattr(verdict, "compare", lambda *_: against)
+    monkeypatch.setattr(verdict, "distance", lambda *_: 100.0)
+    monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 1.0, 0.0, 0.0))
+    decision = verdict.decide(SimpleNamespace(judged=judged, base=judged[0], noise=SimpleNamespace(blocks={})))
+    assert decision.verdict == "effects" and decision.chosen is inner
+    assert (decision.probability > 0.9) is sure
+    assert decision.probability > 0.5
 
 
 def none_said():

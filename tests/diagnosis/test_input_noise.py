@@ -60,7 +60,9 @@ def test_a_record_that_stands_still_has_no_share_of_an_inputs_noise():
     motor = SimpleNamespace(noise=0.1, signal=SimpleNamespace(rate=RATE))
     run = SimpleNamespace(motor=motor, ratio=100.0)
     way = Inlet(inertia=2.0, factor=1.0)
-    still = SimpleNamespace(data=np.full(400, 0.3), mask=np.ones(400, dtype=bool), location="motor", rate=RATE)
+    still = SimpleNamespace(
+        quantity="angle", data=np.full(400, 0.3), mask=np.ones(400, dtype=bool), location="motor", rate=RATE
+    )
     assert noise_share(run, still, way, 0.0, 12.0) == 0.0
     assert noise_share(run, still, way, 1e-6, 12.0) > 0.0
 

@@ -2,6 +2,7 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -52,6 +53,24 @@ def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, an
     assert answered(no_worse).chosen.names == ("backlash@transmission",)
     second = answered(worse, no_worse)
     assert second.verdict == "effects" and second.chosen.names == ("backlash@transmission",)
+    assert second.probability == pytest.approx(SECOND_CHOICE)
+
+
+def test_a_second_choice_is_given_where_no_probability_is_left_for_any(problem, deciding, answered, monkeypatch):
+    """Millions of nats behind, all that follow have the probability 0."""
+    worse = sized(problem, "coulomb-friction", "load", 2.0)
+    no_worse = sized(problem, "backlash", "transmission", 0.0)
+    answered(worse, no_worse)
+
+    def certain(judgement):
+        decision = deciding(judgement, worse, no_worse)
+        first, second = decision.ranking
+        return replace(decision, ranking=(replace(first, probability=1.0), replace(second, probability=0.0)))
+
+    monkeypatch.setattr(pipeline, "decide", certain)
+    with ThreadPoolExecutor(1) as pool:
+        second = pipeline.diagnose(problem, predict_outputs, (), pool).decision
+    assert second.chosen.names == ("backlash@transmission",)
     assert second.probability == pytest.approx(SECOND_CHOICE)
 
 

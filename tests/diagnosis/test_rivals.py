@@ -11,6 +11,7 @@ import pytest
 from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, at_rig, catalogue
+from jointscope.diagnosis.effects.friction import falling_about
 from jointscope.diagnosis.effects.modes import INBOARD
 from jointscope.diagnosis.effects.periodic import harmonics, slower_lines
 from jointscope.diagnosis.noise import white
@@ -253,3 +254,26 @@ def test_a_soft_middle_lends_the_play_that_leaves_the_same_spring_outside(proble
     assert {t.spec.variant for t in trials} == {s.variant for s in plays}
     for trial in trials:
         assert trial.values[[p.name for p in trial.spec.parameters].index("gap")] == pytest.approx(1.4e-4)
+
+
+def test_nor_where_the_axis_slides(problem):
+    """Its transition is a length there."""
+    rig = replace(problem.rig, motion="translational")
+    slides = replace(problem, rig=rig)
+    soft = ActiveEffect(law(slides, "stiffness-nonlinearity", "piecewise"), (0.7, 1e-4))
+    assert soft.spec.parameters[1].unit == "m"
+    plays = [s for s in catalogue(slides) if s.name == "backlash"]
+    for trial in same_numbers(candidates_for(slides, plays), soft):
+        assert trial.values[[p.name for p in trial.spec.parameters].index("gap")] == pytest.approx(1.4e-4)
+
+
+def test_a_stribeck_friction_about_coulombs_falls_with_speed_whatever_the_search_does(problem):
+    """T is bound below the Coulomb friction and T_b above it; the search would else end with friction that rises."""
+    spec = law(problem, "stribeck-friction", "gaussian", "load")
+    about = falling_about(ActiveEffect(spec, (1.0, 1.4, 0.02)), 5.0)
+    bounds = {p.name: (p.lower, p.upper) for p in about.spec.parameters}
+    assert about.values[0] < 5.0 < about.values[1]
+    for torque in bounds["torque"]:
+        for breakaway in bounds["breakaway"]:
+            assert breakaway >= 1.08 * torque
+    assert about.spec.sensible(about.values)

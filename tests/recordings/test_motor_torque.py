@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jointscope.errors import RefusedError
-from jointscope.recordings.campaign import Channel, Nameplate, Run, Stream
+from jointscope.recordings.campaign import Channel, Nameplate, Run, Stream, gearing
 from jointscope.recordings.motor_torque import motor_torque
 
 RATE, N = 10_000.0, 8_000
@@ -104,3 +104,9 @@ def test_nothing_recorded_is_nothing_and_no_ratio_is_refused():
         motor_torque(run(stream(channel("torque", IQ, "N m", side="output"))), bare)
     with pytest.raises(RefusedError, match=r"rig\.pole_pairs"):
         motor_torque(run(stream(*phases()), encoder()), bare)
+
+
+def test_a_position_at_the_motor_is_the_slides_and_an_angle_the_shafts():
+    assert gearing("angle", "motor", 314.0) == gearing("angular-velocity", "motor", 314.0) == 314.0
+    assert gearing("position", "motor", 314.0) == gearing("velocity", "motor", 314.0) == 1.0
+    assert gearing("angle", "arm", 314.0) == gearing("position", "load", 314.0) == 1.0
