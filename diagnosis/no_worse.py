@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointscope.diagnosis.adjudicate import compare
+from jointscope.diagnosis.adjudicate import compare, score
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.verdict import adequacy_of
@@ -26,6 +26,10 @@ UNREACHED = (
     0.005  # of the signal, by which runs that can't show an effect may be foretold worse: they refute nothing
 )
 LOST = 1.0  # error over signal beyond which a prediction tells nothing, and further off no less
+NEARLY_AS_MUCH = (
+    0.95  # of the chosen set's score, with which another fit of the same effects may be handed on instead ...
+)
+TRIED = 4  # ... and how many such are
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
 
@@ -67,10 +71,19 @@ def _beyond_noise(errors: Sequence[ChannelError]) -> float:
     )
 
 
+def _same_names(diagnosis: Diagnosis) -> list[Judged]:
+    """Other fits of the same effects that explain nearly as much, best first: open loop each drifts off by itself."""
+    judgement, chosen = diagnosis.judgement, diagnosis.decision.chosen
+    least = NEARLY_AS_MUCH * score(judgement, chosen)
+    alike = [(score(judgement, j), j) for j in judgement.judged if j.names == chosen.names and j is not chosen]
+    return [j for value, j in sorted(alike, key=lambda pair: -pair[0]) if value > least][:TRIED]
+
+
 def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
 
-    A named effect that does not is not shown to improve anything: the next set that does is named, or none is. An
+    A named effect that does not is not shown to improve anything: another fit of it that does is handed on, or the next set
+    that does is named, or none is. An
     unnamed force that does not is left out. Open loop an angle drifts off whatever the model, and a hit has a gain of its
     own: an effect that is worse over all channels stays where it is no worse over those that the model alone tells and
     little worse as a whole, or where it is clearly better over them. So it does where those runs confirm it step by step,
@@ -108,6 +121,10 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         return diagnosis
     if decision.verdict == "unknown":
         return replace(diagnosis, decision=replace(decision, chosen=base))
+    for judged in _same_names(diagnosis):
+        if not worse(judged):
+            fit = adequacy_of(diagnosis.judgement, judged)
+            return replace(diagnosis, decision=replace(decision, chosen=judged, adequacy=fit))
     top = decision.ranking[0]
     others = [r for r in decision.ranking[1:5] if r.names and r.score > SECOND * top.score]
     kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]

@@ -23,6 +23,7 @@ from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
+from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 
+BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
 
@@ -232,6 +234,9 @@ def explore(
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(arena, outside, effort)
+    further = overshot(arena.objective, arena.hypotheses[:BEYOND])
+    if further:
+        arena = settled(arena, further, effort)
     known = _losses(arena)
     alike = rivals(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, known, effort)
     leaders = _to_grow(arena, effort.beam + 1)

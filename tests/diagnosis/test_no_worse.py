@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import pipeline
+from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
@@ -54,6 +55,26 @@ def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, an
     second = answered(worse, no_worse)
     assert second.verdict == "effects" and second.chosen.names == ("backlash@transmission",)
     assert second.probability == pytest.approx(SECOND_CHOICE)
+
+
+def test_another_fit_of_the_same_effect_that_foretells_no_worse_is_handed_on(
+    problem, deciding, answered, monkeypatch
+):
+    """Open loop a run may end in another place by nearly nothing; the name is not to blame."""
+    worse, mild = (sized(problem, "coulomb-friction", "load", factor) for factor in (2.0, 0.0))
+
+    def both(*given):
+        judgement = judge(*given)
+        return replace(judgement, judged=(*judgement.judged, deciding(judgement, mild).chosen))
+
+    monkeypatch.setattr(pipeline, "judge", both)
+    monkeypatch.setattr("jointscope.diagnosis.no_worse.score", lambda judgement, judged: 100.0)
+    decision = answered(worse)
+    assert decision.verdict == "effects" and decision.chosen.names == ("coulomb-friction@load",)
+    assert decision.chosen.fit.coordinates.unpack(decision.chosen.fit.x)[1][0].values[0] == mild.values[0]
+    scores = iter([100.0, 90.0])
+    monkeypatch.setattr("jointscope.diagnosis.no_worse.score", lambda judgement, judged: next(scores, 0.0))
+    assert answered(worse).verdict == "unknown"  # where it explains much less it is no fit of the same
 
 
 def test_a_second_choice_is_given_where_no_probability_is_left_for_any(problem, deciding, answered, monkeypatch):
