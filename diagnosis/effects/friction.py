@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 SLOWEST = 1e-3  # of the top speed, below which a Stribeck speed is not told from sticking
 FASTEST = 0.8  # of the top speed, beyond which friction that falls is viscous damping that is too large
 LARGER = 1.08  # breakaway over sliding friction, from which it is a Stribeck friction
+CLEARLY_LARGER = 1.1  # the same, of one that is sought about a Coulomb friction
+SEEN = 10.0  # times the slowest Stribeck speed, likewise: what falls within that is sticking
 LITTLE_LESS, MORE = 0.95, 1.3  # of a Coulomb friction, where a Stribeck friction about it begins
 LARGEST = 5.0  # of the sliding friction, beyond which a breakaway is another law's
 
@@ -93,7 +95,12 @@ def falling_about(active: ActiveEffect, torque: float) -> ActiveEffect:
     no Stribeck friction.
     """
     spec, values = active.spec, dict(zip((p.name for p in active.spec.parameters), active.values, strict=True))
-    bounds = {"torque": (0.0, torque), "breakaway": (LARGER * torque, LARGEST * torque)}
+    speeds = next(p for p in spec.parameters if p.name == "stribeck_velocity")
+    bounds = {
+        "torque": (0.0, torque),
+        "breakaway": (CLEARLY_LARGER * torque, LARGEST * torque),
+        "stribeck_velocity": (SEEN * speeds.lower, speeds.upper),
+    }
     parameters = tuple(
         replace(p, lower=bounds[p.name][0], upper=bounds[p.name][1]) if p.name in bounds else p
         for p in spec.parameters
