@@ -74,9 +74,12 @@ def _beyond_noise(errors: Sequence[ChannelError]) -> float:
 def _same_names(diagnosis: Diagnosis) -> list[Judged]:
     """Other fits of the same effects that explain nearly as much, best first: open loop each drifts off by itself."""
     judgement, chosen = diagnosis.judgement, diagnosis.decision.chosen
+    alike = [j for j in judgement.judged if j.names == chosen.names and j is not chosen]
+    if not alike:
+        return []
     least = NEARLY_AS_MUCH * score(judgement, chosen)
-    alike = [(score(judgement, j), j) for j in judgement.judged if j.names == chosen.names and j is not chosen]
-    return [j for value, j in sorted(alike, key=lambda pair: -pair[0]) if value > least][:TRIED]
+    scores = [(score(judgement, j), j) for j in alike]
+    return [j for value, j in sorted(scores, key=lambda pair: -pair[0]) if value > least][:TRIED]
 
 
 def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:

@@ -199,7 +199,7 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False):
     run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"))
     diagnosis = SimpleNamespace(
         decision=decision, split=SimpleNamespace(held_out=(0,)), problem=SimpleNamespace(runs=(run,)),
-        judgement=SimpleNamespace(base=base, noise=None),
+        judgement=SimpleNamespace(base=base, judged=(base,), noise=None),
     )  # fmt: skip
     return no_worse.handed_on(diagnosis, None).decision.verdict == "effects"
 
