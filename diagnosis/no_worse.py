@@ -85,15 +85,15 @@ def _same_names(diagnosis: Diagnosis) -> list[Judged]:
 def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     """The same with a model that foretells the held-out runs from their inputs no worse than the base does.
 
-    A named effect that does not is not shown to improve anything: another fit of it that does is handed on, or the next set
-    that does is named, or none is. An
-    unnamed force that does not is left out. Open loop an angle drifts off whatever the model, and a hit has a gain of its
-    own: an effect that is worse over all channels stays where it is no worse over those that the model alone tells and
-    little worse as a whole, or where it is clearly better over them. So it does where those runs confirm it step by step,
-    from the recorded path, and it is little worse as a whole: what grows over a whole run then is an error of something
-    else (a torque log's zero, a drive's law), for or against which the effect works by chance. Where those runs confirm it
-    and only angles that drift off are foretold worse, it stays however far they do; and where they never come to the place
-    that shows it (a stop), while they are foretold about as well.
+    A named effect that does not is not shown to improve anything: another fit of it that does is handed on, or the next
+    set that does is named, or none is. An unnamed force that does not is left out. Open loop an angle drifts off
+    whatever the model, and a hit has a gain of its own: an effect that is worse over all channels stays where it is no
+    worse over those that the model alone tells and little worse as a whole, or where it is clearly better over them. So
+    it does where those runs confirm it step by step, from the recorded path, and it is little worse as a whole: what
+    grows over a whole run then is an error of something else (a torque log's zero, a drive's law), for or against which
+    the effect works by chance. Where those runs confirm it and only angles that drift off are foretold worse, it stays
+    however far they do; and where they never come to the place that shows it (a stop), while they are foretold about as
+    well.
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base

@@ -13,11 +13,11 @@ from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differences, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
+from jointscope.diagnosis.containment import contains, holds, left_open
 from jointscope.diagnosis.effects import STRANGERS
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL, Comparison
 from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
-from jointscope.diagnosis.search import CONTAINED
 from jointscope.diagnosis.twins import foreknown
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but
 WRONG_FORM = 0.01  # or this share of the best score, between laws neither of which is nearer the data than ...
 NEARER = 0.25  # of half the squared distance of their predictions, which is what the true one would lead by
 SAME = 30.0  # nats of distance within which two predictions of a much stronger effect are the same
-WIDER = (*CONTAINED, ("base-compliance", "neighbour-flexibility"))  # law, and one that contains it
 CONTAINING = 8.0  # nats by which a law that contains another must lead it ...
 OF_CONTAINED = 5e-5  # ... or this share of what that one explains: no form is exact to less
-NOT_EXCLUDED = 6.0  # nats that a law which contains the leading one may be behind it, its own numbers in range ...
-OPEN = 0.6  # ... with which the leader is believed in by so many nats only: it is the simpler one
+OPEN = (
+    0.6  # nats by which a law is believed in beside one that contains it and is left open: it is the simpler one
+)
 SPARING = (
     0.0,
     0.0,
@@ -111,48 +111,13 @@ def distance(judgement: Judgement, one: Judged, other: Judged) -> float:
     return 0.5 * float(sum(np.sum(np.square(d)) for d in apart)) / overdispersion
 
 
-def contains(outer: Judged, inner: Judged) -> bool:
-    """Whether the sets differ by one law only, and that of ``outer`` contains that of ``inner``."""
-    more, less = set(outer.names) - set(inner.names), set(inner.names) - set(outer.names)
-    if len(more) != 1 or len(less) != 1:
-        return False
-    (wide, place), (narrow, at) = (next(iter(x)).split("@") for x in (more, less))
-    carries = any(spec.variant.startswith("carrier") for spec in outer.hypothesis.specs)
-    return (narrow, wide) in WIDER and (place == at or (wide == "neighbour-flexibility" and carries))
-
-
-def _holds(outer: Judged, inner: Judged) -> bool:
-    """Whether the sets differ by one law, of which the outer one is the inner one at the edge of its range."""
-    more, less = set(outer.names) - set(inner.names), set(inner.names) - set(outer.names)
-    if len(more) != 1 or len(less) != 1:
-        return False
-    (wide, place), (narrow, at) = (next(iter(x)).split("@") for x in (more, less))
-    return (narrow, wide) in CONTAINED and place == at
-
-
-def _left_open(judgement: Judgement, inner: Judged, names: tuple[str, ...]) -> bool:
-    """Whether a law that contains the leading one explains about as much with numbers by which it is another law.
-
-    The data are then silent on which it is, whatever its further parameters cost.
-    """
-    likely = (j for j in judgement.judged if j.names == names and j.hypothesis.sensible and _holds(j, inner))
-    return any(_lead(judgement, inner, j) > -NOT_EXCLUDED for j in likely)
-
-
-def _lead(judgement: Judgement, parent: Judged, child: Judged) -> float:
-    """What the child's likelihood is ahead, fitted and held out [nats]."""
-    found = compare(judgement, parent, child)
-    held = 0.0 if math.isnan(found.held_gain) else found.held_gain + child.occam_held - parent.occam_held
-    return found.gain + child.occam - parent.occam + held
-
-
 def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Judged]]) -> list[float]:
     """Nats of belief of every set against the leading one; how far a lead counts depends on who is compared."""
     top, leader = max(values.values(), key=lambda v: v[0])
     found = []
     for value, judged in values.values():
         lead = top - value
-        if _holds(judged, leader) and _left_open(judgement, leader, judged.names):
+        if holds(judged, leader) and left_open(judgement, leader, judged.names):
             lead = min(lead, OPEN * TEMPERATURE)
         nested = not judged.names or not leader.names or contains(judged, leader)
         between = 0.0 if nested else distance(judgement, leader, judged)
@@ -308,7 +273,7 @@ def decide(judgement: Judgement) -> Decision:
         )
     near = [r for r in ranking if r.names and r.probability > top.probability * math.exp(-NEAR)]
     others = [
-        r for r in near if r is not top and not _holds(r.judged, top.judged)
+        r for r in near if r is not top and not holds(r.judged, top.judged)
     ]  # between those the simpler is named
     if top.probability < (SURE if len(top.names) == 1 else SURE_OF_SETS) and others:
         shared = _shared(ranking, near)

@@ -1,0 +1,52 @@
+"""Laws that contain another one: whether two sets differ by such a pair, and whether the wider law is left open by the data."""
+
+from __future__ import annotations
+
+import math
+
+from jointscope.diagnosis.adjudicate import Judged, Judgement, compare
+from jointscope.diagnosis.search import CONTAINED
+
+WIDER = (*CONTAINED, ("base-compliance", "neighbour-flexibility"))  # law, and one that contains it
+NOT_EXCLUDED = 6.0  # nats that a law which contains another may be behind it, its own numbers in range
+
+
+def _exchanged(outer: Judged, inner: Judged) -> tuple[tuple[str, str], tuple[str, str]] | None:
+    """(narrow, wide) and (its place, that of the wide one), where the sets differ by one law only."""
+    more, less = set(outer.names) - set(inner.names), set(inner.names) - set(outer.names)
+    if len(more) != 1 or len(less) != 1:
+        return None
+    (wide, place), (narrow, at) = (next(iter(x)).split("@") for x in (more, less))
+    return (narrow, wide), (at, place)
+
+
+def contains(outer: Judged, inner: Judged) -> bool:
+    """Whether the sets differ by one law only, and that of ``outer`` contains that of ``inner``."""
+    exchanged = _exchanged(outer, inner)
+    if exchanged is None:
+        return False
+    laws, (at, place) = exchanged
+    carries = any(spec.variant.startswith("carrier") for spec in outer.hypothesis.specs)
+    return laws in WIDER and (place == at or (laws[1] == "neighbour-flexibility" and carries))
+
+
+def holds(outer: Judged, inner: Judged) -> bool:
+    """Whether the sets differ by one law, of which the outer one is the inner one at the edge of its range."""
+    exchanged = _exchanged(outer, inner)
+    return exchanged is not None and exchanged[0] in CONTAINED and exchanged[1][0] == exchanged[1][1]
+
+
+def left_open(judgement: Judgement, inner: Judged, names: tuple[str, ...]) -> bool:
+    """Whether a law that contains the leading one explains about as much with numbers by which it is another law.
+
+    The data are then silent on which it is, whatever its further parameters cost.
+    """
+    likely = (j for j in judgement.judged if j.names == names and j.hypothesis.sensible and holds(j, inner))
+    return any(_lead(judgement, inner, j) > -NOT_EXCLUDED for j in likely)
+
+
+def _lead(judgement: Judgement, parent: Judged, child: Judged) -> float:
+    """What the child's likelihood is ahead, fitted and held out [nats]."""
+    found = compare(judgement, parent, child)
+    held = 0.0 if math.isnan(found.held_gain) else found.held_gain + child.occam_held - parent.occam_held
+    return found.gain + child.occam - parent.occam + held
