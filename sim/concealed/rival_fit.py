@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,12 +48,12 @@ def refitted(
     x = np.zeros(len(names) + 1 + len(free))
     shift = np.array([0.01] * len(names) + [0.1] + [0.03] * len(free))
     r, damping, fresh = left(x), 1e-3, False
+    if not np.all(np.isfinite(r)):
+        return float("inf")
     slopes = np.zeros((r.size, 0))
     for _ in range(steps):
         if not slopes.size:
-            slopes = np.column_stack(
-                [(left(x + h * e) - r) / h for h, e in zip(shift, np.eye(x.size), strict=True)]
-            )
+            slopes = _slopes(left, x, r, shift)
             fresh = True
         before = float(np.linalg.norm(r))
         trial = x + _damped(slopes, r, damping)
@@ -75,6 +75,12 @@ def refitted(
         else:
             fresh = False
     return float(np.linalg.norm(r))
+
+
+def _slopes(left: Callable[[Real], Real], x: Real, r: Real, shift: Real) -> Real:
+    """dr/dx by secants, shape (n, k); nothing along what the engine can't follow one step away, which then stays put."""
+    slopes = np.column_stack([(left(x + h * e) - r) / h for h, e in zip(shift, np.eye(x.size), strict=True)])
+    return np.where(np.all(np.isfinite(slopes), axis=0), slopes, 0.0)
 
 
 def _damped(slopes: Real, r: Real, damping: float) -> Real:
