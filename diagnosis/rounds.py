@@ -21,6 +21,7 @@ from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.modal import several_bends
+from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.overshot import overshot
@@ -230,6 +231,7 @@ def explore(
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
+    singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):

@@ -1,0 +1,70 @@
+"""Where the base leaves much: modes fitted from where most is left beside the joint's own resonance.
+
+To first order in a small amplitude a mode near the joint's own resonance explains most of any mismatch there, and one
+elsewhere only what its start's shape has the right sign for. But a search from the right frequency finds the shape. So of
+each name's first law of a mode the starts at the highest peaks of what is left, apart from each other, are fitted as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.base import relative_misfit
+from jointscope.diagnosis.effects.lines import spectral_peaks
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.effects.lines import Residuals
+    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.refit import Fit
+
+MUCH = 0.1  # of the data's rms, left by the base in the median channel
+APART = math.log(1.1)  # between frequencies that are tried
+TRIED = 4  # frequencies
+BAND = (0.6, 8.0)  # times the joint's resonance
+
+
+def modes_apart(
+    objective: Objective, base: Fit, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
+) -> list[Hypothesis]:
+    """The best fit of each name's first law of a mode from the highest peaks; none where the base is near the data.
+
+    Args:
+        candidates: Trials of every law.
+        left: What the base leaves of all runs of the problem.
+    """
+    if relative_misfit(objective.prepared, objective.predictions(*base.coordinates.unpack(base.x))) < MUCH:
+        return []
+    problem = objective.problem
+    own = problem.scales.frequency
+    places: list[float] = []
+    for frequency in spectral_peaks(problem, left, BAND[0] * own, BAND[1] * own, TRIED, narrow=False):
+        if all(abs(math.log(frequency / other)) > APART for other in places):
+            places.append(frequency)
+    found = []
+    for trials in _first_laws(candidates):
+        fits = []
+        for frequency in places:
+            near = min(trials, key=lambda a: (abs(math.log(a.values[0] / frequency)), -a.values[a.spec.amplitude]))
+            if abs(math.log(near.values[0] / frequency)) < APART:
+                fits.append(fit_child(objective, base, [near], effort))
+        reached = [fit for fit in fits if fit is not None]
+        if reached:
+            best = min(reached, key=lambda fit: fit.chi2)
+            found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
+    return found
+
+
+def _first_laws(candidates: Sequence[ActiveEffect]) -> list[list[ActiveEffect]]:
+    first: dict[str, list[ActiveEffect]] = {}
+    for active in candidates:
+        spec = active.spec
+        if spec.family != "mode" or spec.of_own_frequency or spec.parameters[0].name != "frequency":
+            continue
+        trials = first.setdefault(name_of(spec), [])
+        if not trials or trials[0].spec is spec:
+            trials.append(active)
+    return list(first.values())
