@@ -1,0 +1,46 @@
+"""A bend far from the joint's own resonance is fitted from where most is left; nothing is tried where the base is near."""
+
+import numpy as np
+import pytest
+
+from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.modes_apart import modes_apart
+from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.search import Effort
+
+NAME = "link-flexibility"
+
+
+def bend(problem, share, shape):
+    """An arm in two bodies at 1.6 times the joint's frequency, hit and sensed at one place of it."""
+    spec = next(s for s in catalogue(problem) if s.name == NAME and s.variant == "one-shape")
+    inertia = problem.base.start[problem.base.names.index("load_inertia")]
+    return ActiveEffect(spec, (1.6 * problem.scales.frequency, share * inertia, 0.02, shape))
+
+
+def tried(problem, fitted, effects):
+    objective, at = fitted(problem, *effects)
+    start = at(problem.base.start)
+    base = least_squares(objective, start.coordinates, start.x, iterations=8, tolerance=1e-3)
+    theta, _ = base.coordinates.unpack(base.x)
+    left = residuals_of(objective, objective.predictions(theta, ()))
+    laws = tuple(s for s in catalogue(problem) if s.family == "mode" and s.possible(problem) is None)
+    return base, modes_apart(objective, base, candidates_for(problem, laws, left), left, Effort())
+
+
+@pytest.mark.parametrize("shape", [1.0, 1.5])
+def test_the_bend_is_found(problem, recorded, fitted, shape):
+    effect = bend(problem, 0.14, shape)
+    base, found = tried(recorded(problem, 2e-3, effects=(effect,)), fitted, (effect,))
+    best = next(h for h in found if h.specs[0].name == NAME)
+    assert best.fit.chi2 < 0.01 * base.chi2
+    (law,) = best.fit.coordinates.unpack(best.fit.x)[1]
+    assert law.values[0] == pytest.approx(effect.values[0], rel=0.01)
+    assert len({h.names for h in found}) == len(found)
+
+
+def test_what_is_near_the_data_has_no_mode_tried(problem, recorded, fitted):
+    base, found = tried(recorded(problem, 2e-3), fitted, ())
+    assert found == []
+    assert np.isfinite(base.chi2)
