@@ -2,7 +2,7 @@
 
 To first order in a small amplitude a mode near the joint's own resonance explains most of any mismatch there, and one
 elsewhere only what its start's shape has the right sign for. But a search from the right frequency finds the shape. So of
-each name's first law of a mode the starts at the highest peaks of what is left, apart from each other, are fitted as well.
+each name's first law of a mode the starts at the highest peaks of what is left are fitted as well.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.refit import Fit
 
 MUCH = 0.1  # of the data's rms, left by the base in the median channel
-APART = math.log(1.1)  # between frequencies that are tried
-TRIED = 4  # frequencies
+NEAR = math.log(1.1)  # of a peak, within which a law must have a start
+TRIED = 4  # peaks
 BAND = (0.6, 8.0)  # times the joint's resonance
 
 
@@ -36,20 +36,18 @@ def modes_apart(
         candidates: Trials of every law.
         left: What the base leaves of all runs of the problem.
     """
-    if relative_misfit(objective.prepared, objective.predictions(*base.coordinates.unpack(base.x))) < MUCH:
+    laws = _first_laws(candidates)
+    theta, _ = base.coordinates.unpack(base.x)
+    if not laws or relative_misfit(objective.prepared, objective.predictions(theta, ())) < MUCH:
         return []
-    problem = objective.problem
-    own = problem.scales.frequency
-    places: list[float] = []
-    for frequency in spectral_peaks(problem, left, BAND[0] * own, BAND[1] * own, TRIED, narrow=False):
-        if all(abs(math.log(frequency / other)) > APART for other in places):
-            places.append(frequency)
+    low, high = (factor * objective.problem.scales.frequency for factor in BAND)
+    peaks = spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False)
     found = []
-    for trials in _first_laws(candidates):
+    for trials in laws:
         fits = []
-        for frequency in places:
-            near = min(trials, key=lambda a: (abs(math.log(a.values[0] / frequency)), -a.values[a.spec.amplitude]))
-            if abs(math.log(near.values[0] / frequency)) < APART:
+        for peak in peaks:
+            near = min(trials, key=lambda a: (abs(math.log(a.values[0] / peak)), -a.values[a.spec.amplitude]))
+            if abs(math.log(near.values[0] / peak)) < NEAR:
                 fits.append(fit_child(objective, base, [near], effort))
         reached = [fit for fit in fits if fit is not None]
         if reached:
