@@ -54,7 +54,8 @@ def driven_torque(assembly: Assembly) -> Vector:
     else:
         torque = run.motor_half
     if math.isfinite(chain.log_rate):
-        torque = relogged(torque, 2.0 * run.grid_rate, run.motor.signal.rate, chain.log_rate, chain.log_kind)
+        rates = 2.0 * run.grid_rate, run.motor.signal.rate, chain.log_rate
+        torque = relogged(torque, *rates, chain.log_kind, chain.log_age)
     for time_constant in chain.lags:
         torque = lagged(torque, time_constant, 2.0 * run.grid_rate)
     if chain.loop > 0.0:
@@ -85,7 +86,7 @@ def looped(u: Vector, time_constant: float, rate: float) -> Vector:
     return np.asarray(u[0] + lfilter(b.ravel(), a.ravel(), u - u[0]), dtype=np.float64)
 
 
-def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: str) -> Vector:
+def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: str, age: float = 0.0) -> Vector:
     """The signal that a log held, averaged or thinned out at ``log_rate`` [Hz] stands for; shape of ``u``.
 
     Args:
@@ -93,8 +94,9 @@ def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: 
         rate: Of ``u``.
         stream_rate: Of the log's file.
         log_rate: The log's own.
-        kind: ``held`` (a staircase), ``averaged`` (mean over the last interval) or ``aliased`` (thinned without a
-            filter, then drawn with straight lines).
+        kind: ``held`` (a staircase), ``averaged`` (mean over the last interval), ``averaged-held`` (a staircase of such
+            means) or ``aliased`` (thinned without a filter, then drawn with straight lines).
+        age: Of a value when it is first written [s]: updates and samples keep different times.
     """
     window = 1.0 / log_rate
     pad = min(u.size - 1, math.ceil(_CONTINUED * rate / stream_rate))
@@ -105,13 +107,14 @@ def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: 
     f = np.asarray(rfftfreq(padded.size, 1.0 / rate), dtype=np.float64)
     size = np.sinc(f * window)
     delay = 0.5 * window
-    if kind == "held":
-        delay = 0.5 * max(window - 1.0 / stream_rate, 0.0)  # the sample at the update itself is on time
-        size = _dirichlet(f, window, stream_rate)
+    if kind in ("held", "averaged-held"):
+        repeated = 0.5 * max(window - 1.0 / stream_rate, 0.0)  # the sample at the update itself is on time
+        delay = repeated + (delay if kind == "averaged-held" else 0.0)
+        size = _dirichlet(f, window, stream_rate) * (size if kind == "averaged-held" else 1.0)
     elif kind == "aliased":
         size = size**2
         delay = 0.0
-    inverse = np.exp(2j * np.pi * f * delay) / np.maximum(np.abs(size), _WEAKEST)
+    inverse = np.exp(2j * np.pi * f * (delay + age)) / np.maximum(np.abs(size), _WEAKEST)
     inverse = np.where(f <= 0.5 * log_rate, inverse, 0.0 if log_rate < stream_rate else 1.0)
     restored = irfft(spectrum * inverse, padded.size) + ramp
     return np.asarray(restored[pad : pad + u.size], dtype=np.float64)

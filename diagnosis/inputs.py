@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.contact import contact_only, resting_noise
+from jointscope.diagnosis.held_log import common_hold
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.diagnosis.input_noise import log_noise
 from jointscope.errors import RefusedError
@@ -33,6 +34,7 @@ class Drive:
         samples: What the log most likely stands for (``input_estimate``; of a hit, its contacts), times ``factor``,
             shape (n,).
         noise: Standard deviation of the white noise that was in it [as ``samples``]; a hit's contacts still hold it.
+        held: Rate of its updates [Hz] where its values are seen to repeat themselves; 0 elsewhere.
     """
 
     signal: Bandlimited
@@ -41,32 +43,52 @@ class Drive:
     calibrated: bool
     samples: Vector
     noise: float = 0.0
+    held: float = 0.0
 
 
-def without_noise(drive: Drive, noise: float | None = None) -> Drive:
-    """The same torque as its log most likely stands for; ``noise`` of that log, read off it where it is not given."""
+def without_noise(drive: Drive, log: Log | None = None) -> Drive:
+    """The same torque as its log most likely stands for; what ``log`` says is read off it where it is not given."""
     rate = drive.signal.rate
-    level = log_noise(drive.samples, rate) if noise is None else noise
-    samples = estimated_input(drive.samples, rate, level)
-    return replace(drive, signal=bandlimited(samples, rate, drive.signal.start), samples=samples, noise=level)
+    log = log or Log(log_noise(drive.samples, rate))
+    samples = estimated_input(drive.samples, rate, log.noise)
+    signal = bandlimited(samples, rate, drive.signal.start)
+    return replace(drive, signal=signal, samples=samples, noise=log.noise, held=log.held)
 
 
-def log_noises(runs: Sequence[Run], rig: Nameplate) -> list[float | None]:
-    """Noise of each run's torque log [N m at the output], by all runs of its device; ``None`` where there is no log.
+@dataclass(frozen=True)
+class Log:
+    """What the torque logs of a device say of themselves.
+
+    Attributes:
+        noise: Of the run's log [N m at the output].
+        held: As in :class:`Drive`.
+    """
+
+    noise: float
+    held: float = 0.0
+
+
+def torque_logs(runs: Sequence[Run], rig: Nameplate) -> list[Log | None]:
+    """Noise and hold of each run's torque log, by all runs of its device; ``None`` where there is no log.
 
     A device is as noisy in one experiment as in another. What is more in the quietest windows of one is torque.
     """
-    levels: list[float | None] = []
-    found: dict[tuple[int, float], dict[str, list[float]]] = {}
-    keys: list[tuple[int, float]] = []
-    for run in runs:
-        drive = motor_torque(run, rig)
-        levels.append(None if drive is None else log_noise(drive.samples, drive.signal.rate))
-        keys.append((-1, 0.0) if drive is None else (drive.device, drive.signal.rate))
-        if levels[-1] is not None:
-            found.setdefault(keys[-1], {}).setdefault(run.experiment, []).append(levels[-1])
-    most = {key: ALIKE * min(float(np.median(v)) for v in kinds.values()) for key, kinds in found.items()}
-    return [None if level is None else min(level, most[key]) for level, key in zip(levels, keys, strict=True)]
+    drives = [motor_torque(run, rig) for run in runs]
+    keys = [(-1, 0.0) if drive is None else (drive.device, drive.signal.rate) for drive in drives]
+    logs: list[Log | None] = [None] * len(drives)
+    for key in dict.fromkeys(keys):
+        members = [(i, drive) for i, (drive, own) in enumerate(zip(drives, keys, strict=True)) if own == key]
+        device = [(i, drive) for i, drive in members if drive is not None]
+        hold = common_hold([drive.samples for _, drive in device], key[1])
+        levels: dict[str, dict[int, float]] = {}
+        for i, drive in device:
+            level = log_noise(drive.samples, key[1]) if hold is None else hold.noise
+            levels.setdefault(runs[i].experiment, {})[i] = level
+        most = ALIKE * min((float(np.median([*v.values()])) for v in levels.values()), default=0.0)
+        for own in levels.values():
+            for i, level in own.items():
+                logs[i] = Log(min(level, most), 0.0 if hold is None else hold.rate)
+    return logs
 
 
 def _drive(signal: Signal, factor: float, calibrated: bool, *, impact: bool = False) -> Drive:

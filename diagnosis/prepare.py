@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from jointscope.diagnosis.drive_angle import DriveLaw, drive_law
-from jointscope.diagnosis.inputs import log_noises
+from jointscope.diagnosis.inputs import torque_logs
 from jointscope.diagnosis.parameters import base_spec
 from jointscope.diagnosis.problem import BaseSpec, Observed, Output, PreparedRun, Problem, Scales
 from jointscope.diagnosis.run_preparation import DRIFT_CORNER, INVERSE_CORNER, prepare_run, without_outputs
@@ -54,14 +54,25 @@ def prepare(campaign: Campaign) -> Problem:
     drive = () if law is None else (law.finding(),)
     if law is not None and law.credible:
         problem = finished(campaign, _prepared(campaign, law), law)
-    return replace(problem, findings=(*offsets, *problem.findings, *drive))
+    return replace(problem, findings=(*offsets, *problem.findings, *drive, *_repeating(problem)))
+
+
+def _repeating(problem: Problem) -> tuple[str, ...]:
+    """What is said of torque logs that repeat their values."""
+    rates = {
+        (run.motor.held, run.motor.signal.rate) for run in problem.runs if run.motor is not None and run.motor.held
+    }
+    return tuple(
+        f"the torque log repeats its values: refreshed at {held:.4g} Hz, written at {rate:.4g} Hz"
+        for held, rate in sorted(rates)
+    )
 
 
 def _prepared(campaign: Campaign, law: DriveLaw | None) -> tuple[PreparedRun, ...]:
     """Every run in which something drives the joint and something was compared; ``law``: of a drive without encoder."""
     runs: list[PreparedRun] = []
-    for run, noise in zip(campaign.runs, log_noises(campaign.runs, campaign.rig), strict=True):
-        prepared = prepare_run(run, campaign.rig, len(runs), log_noise=noise, law=law)
+    for run, log in zip(campaign.runs, torque_logs(campaign.runs, campaign.rig), strict=True):
+        prepared = prepare_run(run, campaign.rig, len(runs), log=log, law=law)
         if prepared is not None:
             runs.append(prepared)
     return tuple(runs)
@@ -79,8 +90,8 @@ def prepare_inputs(campaign: Campaign) -> Problem:
         raise RefusedError(f"{campaign.path}: topology = 'arm': a diagnosed model is of one joint")
     blind, _ = zeroed(replace(campaign, runs=tuple(without_outputs(run) for run in campaign.runs)))
     runs: list[PreparedRun] = []
-    for run, noise in zip(blind.runs, log_noises(blind.runs, campaign.rig), strict=True):
-        prepared = prepare_run(run, campaign.rig, len(runs), inputs_only=True, log_noise=noise)
+    for run, log in zip(blind.runs, torque_logs(blind.runs, campaign.rig), strict=True):
+        prepared = prepare_run(run, campaign.rig, len(runs), inputs_only=True, log=log)
         if prepared is None:
             raise RefusedError(
                 f"{campaign.path}: run {run.id}: no force, torque or speed command to predict from; record one"

@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.drive_angle import DriveLaw, followed_angle
-from jointscope.diagnosis.inputs import Drive, load_torque, motor_torque, speed_command, without_noise
+from jointscope.diagnosis.inputs import Drive, Log, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
@@ -36,12 +36,12 @@ def prepare_run(
     index: int,
     *,
     inputs_only: bool = False,
-    log_noise: float | None = None,
+    log: Log | None = None,
     law: DriveLaw | None = None,
 ) -> PreparedRun | None:
     """One run on its grid, or ``None`` where nothing drives it or nothing was compared.
 
-    ``log_noise``: of its torque log [N m at the output], where other runs had a say in it; ``inputs_only``: the run has no
+    ``log``: what its torque log and those of other runs say of themselves; ``inputs_only``: the run has no
     outputs (:func:`without_outputs`), and every declared one is foretold; ``law``: of its drive, for the angle of a motion
     that recorded none.
     """
@@ -60,7 +60,7 @@ def prepare_run(
         return None
     motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
     if motor is not None and motor_moves:
-        motor = without_noise(motor, log_noise)
+        motor = without_noise(motor, log)
     if load is not None and run.experiment != "hammer":
         load = without_noise(load)
     if mode not in ("observer",):

@@ -51,6 +51,7 @@ def _drift(assembly: Assembly, values: Values, weight: float) -> None:
 def _logging(kind: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         assembly.chain.log_rate, assembly.chain.log_kind = values[0], kind
+        assembly.chain.log_age = values[1] if len(values) > 1 else 0.0
 
     return apply
 
@@ -65,13 +66,34 @@ def _rates(problem: Problem) -> tuple[float, float, float]:
 
 
 def _held_rates(problem: Problem) -> tuple[float, float, float]:
-    rate = _log_rate(problem)
-    return 0.7 * rate, 0.5 * rate, 0.25 * rate
+    rate, seen = _log_rate(problem), _refreshed(problem)
+    return (seen, seen, seen) if seen else (0.7 * rate, 0.5 * rate, 0.25 * rate)
+
+
+def _refreshed(problem: Problem) -> float:
+    """Rate at which the torque log is seen to repeat its values [Hz]; 0 where it doesn't."""
+    return min((run.motor.held for run in problem.runs if run.motor is not None and run.motor.held), default=0.0)
 
 
 def _log_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    rate = _log_rate(problem)
-    return {"rate": (0.02 * rate, 20.0 * rate)}
+    rate, seen = _log_rate(problem), _refreshed(problem)
+    if not seen:
+        return {"rate": (0.02 * rate, 20.0 * rate)}
+    return {"rate": ((1.0 - SEEN) * seen, (1.0 + SEEN) * seen), "age": (0.0, 1.0 / rate)}
+
+
+def _half_a_sample(problem: Problem) -> tuple[Values, ...]:
+    return ((0.5 / _log_rate(problem),),)
+
+
+def _needs_repeats(problem: Problem) -> str | None:
+    return needs_motor_torque(problem) or (
+        None if _refreshed(problem) else "the torque log does not repeat its values"
+    )
+
+
+def _needs_no_repeats(problem: Problem) -> str | None:
+    return needs_motor_torque(problem) or ("the torque log repeats its values" if _refreshed(problem) else None)
 
 
 def _drifts(problem: Problem) -> tuple[float, float, float]:
@@ -79,6 +101,8 @@ def _drifts(problem: Problem) -> tuple[float, float, float]:
     return 30.0 / duration, 300.0 / duration, 2000.0 / duration
 
 
+_AGE = ParameterSpec("age", "s", 0.0, 1.0)
+SEEN = 0.001  # of the rate at which a log is seen to be refreshed, within which it is held there
 _TIMING = ("drive-lag", "delay", "torque-logging", "sensor-resonance")
 
 SPECS: tuple[EffectSpec, ...] = (
@@ -136,20 +160,28 @@ SPECS: tuple[EffectSpec, ...] = (
             location="acquisition",
             variant=kind,
             family="sensor-time",
-            parameters=(ParameterSpec("rate", "Hz", 1.0, 1e6, log=True, null=math.inf),),
+            parameters=(ParameterSpec("rate", "Hz", 1.0, 1e6, log=True, null=math.inf), *more),
             law=law,
             revealed_by=("torque-sweep", "speed-motion"),
             look_alikes=tuple(name for name in _TIMING if name != "torque-logging"),
-            apply=_logging(kind),
+            apply=_logging(kind.removesuffix("-stale")),
             scale=scale,
-            starts=one_start,
-            possible=needs_motor_torque,
+            starts=_half_a_sample if more else one_start,
+            possible=possible,
             limits=_log_limits,
         )
-        for kind, law, scale in (
-            ("averaged", "the log is the mean over the last 1/rate", _rates),
-            ("held", "the log repeats its last update", _held_rates),
-            ("aliased", "the log is thinned without a filter", _held_rates),
+        for kind, law, scale, possible, *more in (
+            ("averaged", "the log is the mean over the last 1/rate", _rates, _needs_no_repeats),
+            ("held", "the log repeats its last update", _held_rates, needs_motor_torque),
+            (
+                "held-stale",
+                "the log repeats its last update, which came between two samples",
+                _held_rates,
+                _needs_repeats,
+                _AGE,
+            ),
+            ("averaged-held", "the log repeats the mean over its last 1/rate", _held_rates, _needs_repeats),
+            ("aliased", "the log is thinned without a filter", _held_rates, _needs_no_repeats),
         )
     ),
 )

@@ -68,7 +68,8 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
             return _raised(force, torque_offset) if carried else force
         for law in laws:
             if at_motor and law["kind"] == "torque-log":
-                samples = relogged(record(signal.times), signal.sampling_rate, law["rate"], law["form"])
+                log = float(law["rate"]), str(law["form"]), float(law.get("age", 0.0))
+                samples = relogged(record(signal.times), signal.sampling_rate, *log)
                 record = bandlimited(samples, signal.sampling_rate, signal.stream.start)
         record = _shifted(record, clock(signal))
         if at_motor:

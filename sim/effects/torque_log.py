@@ -11,14 +11,16 @@ WEAKEST = 0.3  # what a log passes of a frequency at the least, for that frequen
 _EDGE = 256  # samples by which the record is continued past its ends
 
 
-def relogged(samples: Real, rate: float, log_rate: float, form: str) -> Real:
+def relogged(samples: Real, rate: float, log_rate: float, form: str, age: float = 0.0) -> Real:
     """The torque that a log held, averaged or thinned out at ``log_rate`` stands for.
 
     Args:
         samples: As logged, shape (n,).
         rate: Of the stream [Hz].
         log_rate: Of the log itself [Hz].
-        form: ``averaged`` over the last 1/log_rate; ``held`` from its last update; ``aliased``: thinned, drawn straight.
+        form: ``averaged`` over the last 1/log_rate; ``held`` from its last update; ``averaged-held``: such a mean, held;
+            ``aliased``: thinned, drawn straight.
+        age: What a value has when it is first written [s].
 
     Returns:
         Torque at the same times, shape (n,); what the log can't hold (above half its rate) is left out.
@@ -30,12 +32,13 @@ def relogged(samples: Real, rate: float, log_rate: float, form: str) -> Real:
     window = 1.0 / log_rate
     passed = np.sinc(f * window)
     lag = 0.5 * window
-    if form == "held":
-        lag = 0.5 * max(window - 1.0 / rate, 0.0)
-        passed = passed / np.maximum(np.sinc(f / rate), 0.1) if window * rate > 1.0 else np.ones_like(f)
+    if form in ("held", "averaged-held"):
+        steps = passed / np.maximum(np.sinc(f / rate), 0.1) if window * rate > 1.0 else np.ones_like(f)
+        stale = 0.5 * max(window - 1.0 / rate, 0.0)
+        passed, lag = (steps, stale) if form == "held" else (steps * passed, stale + lag)
     elif form == "aliased":
         passed, lag = passed**2, 0.0
-    restored = np.exp(2j * np.pi * f * lag) / np.maximum(np.abs(passed), WEAKEST)
+    restored = np.exp(2j * np.pi * f * (lag + age)) / np.maximum(np.abs(passed), WEAKEST)
     if log_rate < rate:
         restored[f > 0.5 * log_rate] = 0.0
     else:
