@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import uniform_filter1d
 
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.noise import ANGULAR, Key, NoiseModel, block_key, dynamic_level, fast_part, quantum
 from jointscope.diagnosis.whiten import is_hit, run_whitener, without_scatter
 from jointscope.recordings.campaign import FORCES
@@ -161,6 +162,8 @@ def _take(run: PreparedRun, output: Output, base: Vector, model: Vector) -> _Tak
     size = dynamic_level(output) or math.inf
     if output.quantity in ANGULAR and output.mask.any():  # nor is an encoder's standing offset a mismatch
         base, model = (fast_part(output, x) for x in (base, model))
+    if is_hit(run) and output.quantity in ACCELERATIONS and output.mask.any():  # nor is an amplifier's
+        base, model = (x - np.mean(x[output.mask]) for x in (base, model))
     masked = [np.where(output.mask, x, 0.0) / size for x in (base, model)]
     return _Take(output, is_hit(run), masked[0], masked[1], quantum(output) ** 2 / 12.0 / size**2)
 

@@ -15,6 +15,8 @@ from jointscope.recordings.units import si_unit
 
 Real = NDArray[np.float64]
 
+CERTAIN = 6.0  # standard errors by which a level stands out
+
 
 def rest_findings(run: Run, signal: Signal, rig: Nameplate) -> Iterator[Finding]:
     """``offset`` and ``unsettled-iepe``, for channels that read zero at rest."""
@@ -38,17 +40,24 @@ def rest_findings(run: Run, signal: Signal, rig: Nameplate) -> Iterator[Finding]
 
 def rest_level(run: Run, signal: Signal, rig: Nameplate) -> float | None:
     """What a channel that should read zero reads before anything happens, where that is certain and matters [its unit]."""
+    reading = rest_reading(run, signal, rig)
+    if reading is None:
+        return None
+    level, uncertainty = reading
+    share = 0.002 if signal.channel.quantity == "force" else 0.005
+    peak = float(np.nanmax(np.abs(signal.samples - level)))
+    return level if abs(level) > max(CERTAIN * uncertainty, share * peak) else None
+
+
+def rest_reading(run: Run, signal: Signal, rig: Nameplate) -> tuple[float, float] | None:
+    """(level, its standard error) of a channel that should read zero before anything happens [its unit]."""
     if not reads_zero_at_rest(run, signal, rig):
         return None
     quiet = quiet_start(run, signal)
     if quiet is None:
         return None
-    level = float(np.median(quiet))
-    # slow noise makes a level less certain than white noise would: twice the white figure, six of those
-    uncertainty = 2.5 * _scatter(quiet) / math.sqrt(quiet.size)
-    share = 0.002 if signal.channel.quantity == "force" else 0.005
-    peak = float(np.nanmax(np.abs(signal.samples - level)))
-    return level if abs(level) > max(6.0 * uncertainty, share * peak) else None
+    # slow noise makes a level less certain than white noise would: twice the white figure
+    return float(np.median(quiet)), 2.5 * _scatter(quiet) / math.sqrt(quiet.size)
 
 
 def at_rest(signal: Signal, level: float) -> str:

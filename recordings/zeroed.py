@@ -1,11 +1,24 @@
-"""Offsets of channels that read zero at rest, taken off: what an amplifier adds is no motion and no force."""
+"""Offsets of channels that read zero at rest, taken off: what an amplifier adds is no motion and no force.
+
+An amplifier keeps its offset from run to run. So one that shows in the quiet runs of a channel is taken off its loud
+ones too, where it is small beside the peak: the same constant in every run is no noise.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from jointscope.recordings.campaign import Campaign, Run
-from jointscope.recordings.quality_rest import at_rest, rest_level, settles_later
+import numpy as np
+
+from jointscope.recordings.campaign import Campaign, Run, Signal
+from jointscope.recordings.quality_rest import CERTAIN, at_rest, rest_level, rest_reading, settles_later
+
+FOUND_IN = 1.0 / 3.0  # of a channel's runs, which makes an offset the channel's ...
+SCATTERED = 3.0  # standard errors of a reading, within which they scatter about one offset: noise may be slow
+AT_LEAST = 2  # ... and in as many runs
+
+Sensor = tuple[str, str, str, float, float]
 
 
 def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
@@ -13,24 +26,61 @@ def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
 
     A channel whose ac coupling was still charging keeps its samples: that is no constant.
     """
-    lines: list[str] = []
-    runs = tuple(_zeroed_run(campaign, run, lines) for run in campaign.runs)
-    return (replace(campaign, runs=runs), tuple(lines)) if lines else (campaign, ())
-
-
-def _zeroed_run(campaign: Campaign, run: Run, lines: list[str]) -> Run:
-    levels = {}
-    for signal in run.signals:
-        if signal.channel.samples is None or signal.channel.quantity == "frf":
+    readings: dict[Sensor, dict[int, tuple[float, float]]] = {}
+    levels: dict[int, float] = {}
+    for run, signal in _signals(campaign):
+        reading = rest_reading(run, signal, campaign.rig)
+        if reading is None or settles_later(signal, reading[0]):
             continue
+        readings.setdefault(_sensor(signal), {})[id(signal.channel)] = reading
         level = rest_level(run, signal, campaign.rig)
-        if level is not None and not settles_later(signal, level):
+        if level is not None:
             levels[id(signal.channel)] = level
-            lines.append(
-                f"{signal.channel.quantity} at the {signal.channel.location} (run {run.id}): "
-                f"{at_rest(signal, level)} subtracted"
-            )
-    if not levels:
+    for known in readings.values():
+        found = [levels[channel] for channel in known if channel in levels]
+        if len(found) >= max(AT_LEAST, FOUND_IN * len(known)):
+            levels |= _of_all_runs(known, found)
+    lines = tuple(
+        f"{signal.channel.quantity} at the {signal.channel.location} (run {run.id}): "
+        f"{at_rest(signal, levels[id(signal.channel)])} subtracted"
+        for run, signal in _signals(campaign)
+        if id(signal.channel) in levels
+    )
+    runs = tuple(_without(run, levels) for run in campaign.runs)
+    return (replace(campaign, runs=runs), lines) if lines else (campaign, ())
+
+
+def _signals(campaign: Campaign) -> Iterator[tuple[Run, Signal]]:
+    for run in campaign.runs:
+        for signal in run.signals:
+            if signal.channel.samples is not None and signal.channel.quantity != "frf":
+                yield run, signal
+
+
+def _sensor(signal: Signal) -> Sensor:
+    channel = signal.channel
+    return channel.quantity, channel.location, channel.direction, channel.radius or 0.0, signal.sampling_rate
+
+
+def _of_all_runs(known: Mapping[int, tuple[float, float]], found: Sequence[float]) -> dict[int, float]:
+    """The offset of every run of a channel that has one: the same, where its readings differ no more than they may.
+
+    Args:
+        known: Per channel, its reading at rest and that one's standard error.
+        found: The readings that matter in their runs by themselves.
+    """
+    common = float(np.median(found))
+    reach = max(CERTAIN * float(np.median([error for _, error in known.values()])), float(np.ptp(found)))
+    alike = {channel: level for channel, (level, _) in known.items() if abs(level - common) <= reach}
+    errors = float(np.median([known[channel][1] for channel in alike]))
+    if float(np.std(list(alike.values()))) <= SCATTERED * errors:
+        one = float(np.mean(list(alike.values())))
+        return dict.fromkeys(alike, one)
+    return alike
+
+
+def _without(run: Run, levels: dict[int, float]) -> Run:
+    if not any(id(c) in levels for stream in run.streams for c in stream.channels):
         return run
     streams = tuple(
         replace(

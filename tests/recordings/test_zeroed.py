@@ -63,3 +63,27 @@ def test_a_coupling_that_is_still_charging_stays(rng):
     run = replace(campaign.runs[0], streams=(replace(stream, channels=channels),))
     campaign = replace(campaign, runs=(run,))
     assert zeroed(campaign)[0] is campaign
+
+
+def _louder(campaign, factor, name):
+    stream = campaign.runs[0].streams[0]
+    force, ring = stream.channels
+    channels = (replace(force, samples=force.samples * factor), replace(ring, samples=ring.samples * factor))
+    return replace(campaign.runs[0], id=name, streams=(replace(stream, channels=channels),))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+def test_what_an_amplifier_adds_to_quiet_hits_comes_off_the_loud_ones_too(offset):
+    """0.4 of 30 is more than half a per cent, of 300 less: alone the loud hit keeps it, beside quiet ones it doesn't."""
+    quiet = [hit(np.random.default_rng(k), sensor_offset=offset) for k in (3, 4)]
+    loud = hit(np.random.default_rng(5))
+    ten = _louder(loud, 10.0, "loud")
+    raised = replace(ten.streams[0].channels[1], samples=10.0 * samples(loud)[1] + offset)
+    ten = replace(ten, streams=(replace(ten.streams[0], channels=(ten.streams[0].channels[0], raised)),))
+    runs = tuple(replace(c.runs[0], id=f"q{k}") for k, c in enumerate(quiet))
+    alone, none = zeroed(replace(loud, runs=(ten,)))
+    assert none == () and alone.runs[0] is ten
+    found, lines = zeroed(replace(loud, runs=(*runs, ten)))
+    assert len(lines) == (3 if offset else 0)
+    left = found.runs[-1].streams[0].channels[1].samples[: HIT - 20]
+    assert abs(np.mean(left)) < 0.05
