@@ -1,0 +1,46 @@
+"""Hits on a held joint tell stiffness, damping and inertia apart by their gain alone: y is 1/J times a function of K/J, c/J."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.refit import covariance, with_fresh_jacobian
+
+HITS, GAIN = 6, 0.02
+
+
+def _scattered(run, gain, rng):
+    """The hit as struck ``gain`` times as hard as was recorded, with noise."""
+    stream = run.streams[0]
+    force, y = stream.channels
+    noisy = gain * y.samples + 2e-3 * np.std(y.samples) * rng.standard_normal(y.samples.size)
+    return replace(run, streams=(replace(stream, channels=(force, replace(y, samples=noisy))),))
+
+
+def test_an_inertia_is_no_surer_than_the_hits_gains(builders, plant):
+    """sigma(ln J) = s_g / sqrt(hits), however many periods tell the frequency."""
+    light = replace(plant, c=15.0, b_l=0.0)
+    rng = np.random.default_rng(8)
+    gains = 1.0 + GAIN * rng.standard_normal(HITS)
+    runs = [
+        _scattered(builders.hammer_run(light, 100.0 * (1 + k), f"h{k}", duration=3.0), g, rng)
+        for k, g in enumerate(gains)
+    ]
+    problem = prepare(builders.campaign_of(runs))
+    with ThreadPoolExecutor(1) as pool:
+        stage = refit_base(problem, predict_outputs, tuple(range(HITS)), pool)
+        fit = with_fresh_jacobian(stage.objective, stage.fit)
+    where = fit.coordinates
+    names = [problem.base.names[i] for i in where.free]
+    k = names.index("load_inertia")
+    theta, _ = where.unpack(fit.x)
+    sigma = math.sqrt(covariance(fit)[k, k]) / abs(fit.x[k])
+    assert stage.fit.gradient_ratio < 1e-3
+    assert 0.7 < sigma / (stage.noise.gain / math.sqrt(HITS)) < 1.3
+    inertia = theta[list(problem.base.names).index("load_inertia")]
+    assert abs(inertia / light.J_L - 1.0) < 4.0 * GAIN / math.sqrt(HITS)
