@@ -105,16 +105,17 @@ def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: 
     ramp = np.linspace(padded[0], padded[-1], padded.size)
     spectrum = rfft(padded - ramp)
     f = np.asarray(rfftfreq(padded.size, 1.0 / rate), dtype=np.float64)
-    size = np.sinc(f * window)
-    delay = 0.5 * window
-    if kind in ("held", "averaged-held"):
-        repeated = 0.5 * max(window - 1.0 / stream_rate, 0.0)  # the sample at the update itself is on time
-        delay = repeated + (delay if kind == "averaged-held" else 0.0)
-        size = _dirichlet(f, window, stream_rate) * (size if kind == "averaged-held" else 1.0)
-    elif kind == "aliased":
-        size = size**2
-        delay = 0.0
-    inverse = np.exp(2j * np.pi * f * (delay + age)) / np.maximum(np.abs(size), _WEAKEST)
+    size = np.ones_like(f)
+    delay = age
+    if kind.startswith("averaged"):
+        size = np.sinc(f * window)
+        delay += 0.5 * window
+    if kind.endswith("held"):
+        size = size * _dirichlet(f, window, stream_rate)
+        delay += 0.5 * max(window - 1.0 / stream_rate, 0.0)  # the sample at the update itself is on time
+    if kind == "aliased":
+        size = np.sinc(f * window) ** 2
+    inverse = np.exp(2j * np.pi * f * delay) / np.maximum(np.abs(size), _WEAKEST)
     inverse = np.where(f <= 0.5 * log_rate, inverse, 0.0 if log_rate < stream_rate else 1.0)
     restored = irfft(spectrum * inverse, padded.size) + ramp
     return np.asarray(restored[pad : pad + u.size], dtype=np.float64)

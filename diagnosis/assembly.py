@@ -66,7 +66,7 @@ class Chain:
         lags: Time constants of the stages through which the torque follows the logged one [s].
         loop: Time constant of a current loop tuned to the magnitude optimum [s], 0 without.
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
-        log_kind: ``"held"``, ``"averaged"``, ``"averaged-held"`` or ``"aliased"``.
+        log_kind: ``"held"``, ``"seen-held"``, ``"averaged"``, ``"averaged-held"`` or ``"aliased"``.
         log_age: Of a value of that log when it is first written [s].
         vibration: Frequency [Hz] and amplitude [N m] of an outside disturbance.
         vibration_mount: Whether it shakes the mount (amplitude in m/s^2 or rad/s^2) rather than pushing the arm.

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-BASE_STEP = 1e-6  # finite-difference step, relative to a base parameter's scale: hits on a held joint tell K, c and J apart
-# by their gain alone, and a column off by the curvature of 100 periods (1.5 % at 1e-4) takes that direction for known
+# Hits on a held joint tell K, c and J apart by their gain alone: a column that is off by the curvature of 100 periods
+# (1.5 % at 1e-4) takes that direction for known.
+BASE_STEP = 1e-6  # finite-difference step, relative to a base parameter's scale
 EFFECT_STEP = 1e-3  # the same for effects, whose laws have corners
 SMALL = 0.3  # of its typical size, below which an effect's step goes with its amplitude ...
 SMALLEST = 1e-5  # ... down to this share

@@ -32,7 +32,6 @@ REST_OF_EXACT = 0.5  # the same beside laws that have one form only
 REAL_BESIDE = (
     60.0  # nats of a second effect that is believed for what no other form of the first could explain ...
 )
-MORE_BESIDE = 2.0  # times what was foretold, that held-out runs may gain then: the law's size may be a half short
 OWN_FORM = 0.6  # ... and this share of its gain, to first order
 MATERIAL_BESIDE = 0.004  # the same as MATERIAL of such a one
 EVIDENT = 200.0  # nats of a force without a name that is too weak to matter, and yet is there beyond doubt
@@ -128,12 +127,11 @@ class Comparison:
     def beside(self) -> bool:
         """Whether a second effect with too little of the evidence may be believed for being none of the first one's forms.
 
-        Held-out runs must gain what was foretold, none of them losing.
+        Held-out runs must gain what was foretold, each of them.
         """
-        agrees = AGREES < self.held_gain / max(self.foretold_held, HELD) < MORE_BESIDE
+        agrees = AGREES < self.held_gain / max(self.foretold_held, HELD) < 1.0 / AGREES
         much = self.gain > REAL_BESIDE and self.material > MATERIAL_BESIDE
-        each = self.share_of_runs >= AGREES or self.lost < HELD  # a clipped sensor shows in the loudest runs alone
-        return self.parents == 1 and much and self.carries_over and agrees and each
+        return self.parents == 1 and much and self.carries_over and agrees and self.share_of_runs >= AGREES
 
     @property
     def evident(self) -> bool:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.contact import contact_only, resting_noise
-from jointscope.diagnosis.held_log import common_hold
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.diagnosis.input_noise import log_noise
 from jointscope.errors import RefusedError
 from jointscope.recordings.bandlimited import Bandlimited, bandlimited
 from jointscope.recordings.campaign import Nameplate, Run, Signal
+from jointscope.recordings.held_log import common_hold
 from jointscope.recordings.motor_torque import motor_torque as recorded_torque
 
 Vector = NDArray[np.float64]

@@ -41,12 +41,15 @@ def rest_findings(run: Run, signal: Signal, rig: Nameplate) -> Iterator[Finding]
 def rest_level(run: Run, signal: Signal, rig: Nameplate) -> float | None:
     """What a channel that should read zero reads before anything happens, where that is certain and matters [its unit]."""
     reading = rest_reading(run, signal, rig)
-    if reading is None:
-        return None
+    return reading[0] if reading is not None and matters(signal, reading) else None
+
+
+def matters(signal: Signal, reading: tuple[float, float]) -> bool:
+    """Whether a level, given with its standard error, is certain and large enough beside the peak of ``signal``."""
     level, uncertainty = reading
     share = 0.002 if signal.channel.quantity == "force" else 0.005
     peak = float(np.nanmax(np.abs(signal.samples - level)))
-    return level if abs(level) > max(CERTAIN * uncertainty, share * peak) else None
+    return abs(level) > max(CERTAIN * uncertainty, share * peak)
 
 
 def rest_reading(run: Run, signal: Signal, rig: Nameplate) -> tuple[float, float] | None:

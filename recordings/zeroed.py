@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from jointscope.recordings.campaign import Campaign, Run, Signal
-from jointscope.recordings.quality_rest import CERTAIN, at_rest, rest_level, rest_reading, settles_later
+from jointscope.recordings.quality_rest import CERTAIN, at_rest, matters, rest_reading, settles_later
 
 FOUND_IN = 1.0 / 3.0  # of a channel's runs, which makes an offset the channel's ...
-SCATTERED = 3.0  # standard errors of a reading, within which they scatter about one offset: noise may be slow
 AT_LEAST = 2  # ... and in as many runs
+SCATTERED = 3.0  # standard errors of a reading, within which they scatter about one offset: noise may be slow
 
 Sensor = tuple[str, str, str, float, float]
 
@@ -33,9 +33,8 @@ def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
         if reading is None or settles_later(signal, reading[0]):
             continue
         readings.setdefault(_sensor(signal), {})[id(signal.channel)] = reading
-        level = rest_level(run, signal, campaign.rig)
-        if level is not None:
-            levels[id(signal.channel)] = level
+        if matters(signal, reading):
+            levels[id(signal.channel)] = reading[0]
     for known in readings.values():
         found = [levels[channel] for channel in known if channel in levels]
         if len(found) >= max(AT_LEAST, FOUND_IN * len(known)):
@@ -74,8 +73,7 @@ def _of_all_runs(known: Mapping[int, tuple[float, float]], found: Sequence[float
     alike = {channel: level for channel, (level, _) in known.items() if abs(level - common) <= reach}
     errors = float(np.median([known[channel][1] for channel in alike]))
     if float(np.std(list(alike.values()))) <= SCATTERED * errors:
-        one = float(np.mean(list(alike.values())))
-        return dict.fromkeys(alike, one)
+        return dict.fromkeys(alike, float(np.mean(list(alike.values()))))
     return alike
 
 

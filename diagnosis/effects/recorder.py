@@ -66,8 +66,13 @@ def _rates(problem: Problem) -> tuple[float, float, float]:
 
 
 def _held_rates(problem: Problem) -> tuple[float, float, float]:
-    rate, seen = _log_rate(problem), _refreshed(problem)
-    return (seen, seen, seen) if seen else (0.7 * rate, 0.5 * rate, 0.25 * rate)
+    rate = _log_rate(problem)
+    return 0.7 * rate, 0.5 * rate, 0.25 * rate
+
+
+def _seen_rates(problem: Problem) -> tuple[float, float, float]:
+    seen = _refreshed(problem)
+    return seen, seen, seen
 
 
 def _refreshed(problem: Problem) -> float:
@@ -164,24 +169,32 @@ SPECS: tuple[EffectSpec, ...] = (
             law=law,
             revealed_by=("torque-sweep", "speed-motion"),
             look_alikes=tuple(name for name in _TIMING if name != "torque-logging"),
-            apply=_logging(kind.removesuffix("-stale")),
+            apply=_logging(kind),
             scale=scale,
-            starts=_half_a_sample if more else one_start,
+            starts=starts,
             possible=possible,
             limits=_log_limits,
         )
-        for kind, law, scale, possible, *more in (
-            ("averaged", "the log is the mean over the last 1/rate", _rates, _needs_no_repeats),
-            ("held", "the log repeats its last update", _held_rates, needs_motor_torque),
+        for kind, law, more, scale, starts, possible in (
+            ("averaged", "the log is the mean over the last 1/rate", (), _rates, one_start, _needs_no_repeats),
+            ("held", "the log repeats its last update", (), _held_rates, one_start, _needs_no_repeats),
+            ("aliased", "the log is thinned without a filter", (), _held_rates, one_start, _needs_no_repeats),
             (
-                "held-stale",
-                "the log repeats its last update, which came between two samples",
-                _held_rates,
+                "seen-held",
+                "the log is seen to repeat its last update, which came between two samples",
+                (_AGE,),
+                _seen_rates,
+                _half_a_sample,
                 _needs_repeats,
-                _AGE,
             ),
-            ("averaged-held", "the log repeats the mean over its last 1/rate", _held_rates, _needs_repeats),
-            ("aliased", "the log is thinned without a filter", _held_rates, _needs_no_repeats),
+            (
+                "averaged-held",
+                "the log is seen to repeat the mean over its last 1/rate",
+                (),
+                _seen_rates,
+                one_start,
+                _needs_repeats,
+            ),
         )
     ),
 )

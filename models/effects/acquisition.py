@@ -51,7 +51,7 @@ def sensitivity(building: Building, location: str, variant: str, p: Parameters) 
 def torque_log(building: Building, location: str, variant: str, p: Parameters) -> str:
     """The log is held, averaged or thinned out at its own rate."""
     age = {"age": p["age"]} if "age" in p else {}
-    building.law("torque-log", rate=p["rate"], form=variant.removesuffix("-stale"), **age)
+    building.law("torque-log", rate=p["rate"], form=variant, **age)
     return ""
 
 

@@ -18,8 +18,8 @@ def relogged(samples: Real, rate: float, log_rate: float, form: str, age: float 
         samples: As logged, shape (n,).
         rate: Of the stream [Hz].
         log_rate: Of the log itself [Hz].
-        form: ``averaged`` over the last 1/log_rate; ``held`` from its last update; ``averaged-held``: such a mean, held;
-            ``aliased``: thinned, drawn straight.
+        form: ``averaged`` over the last 1/log_rate; ``held`` from its last update; ``seen-held``: likewise, and
+            the rate is certain; ``averaged-held``: a mean, held; ``aliased``: thinned, drawn straight.
         age: What a value has when it is first written [s].
 
     Returns:
@@ -32,10 +32,10 @@ def relogged(samples: Real, rate: float, log_rate: float, form: str, age: float 
     window = 1.0 / log_rate
     passed = np.sinc(f * window)
     lag = 0.5 * window
-    if form in ("held", "averaged-held"):
+    if form in ("held", "seen-held", "averaged-held"):
         steps = passed / np.maximum(np.sinc(f / rate), 0.1) if window * rate > 1.0 else np.ones_like(f)
         stale = 0.5 * max(window - 1.0 / rate, 0.0)
-        passed, lag = (steps, stale) if form == "held" else (steps * passed, stale + lag)
+        passed, lag = (steps * passed, stale + lag) if form == "averaged-held" else (steps, stale)
     elif form == "aliased":
         passed, lag = passed**2, 0.0
     restored = np.exp(2j * np.pi * f * (lag + age)) / np.maximum(np.abs(passed), WEAKEST)

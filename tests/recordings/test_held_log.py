@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.held_log import common_hold, hold_of
+from jointscope.recordings.held_log import common_hold, hold_of
 
 RATE = 800.0
 TIME = np.arange(6400) / RATE
