@@ -71,6 +71,25 @@ def test_what_an_observer_follows_of_an_angle_is_no_mismatch(frequency, left):
     assert (found.base_left > 0.01) is left
 
 
+@pytest.mark.parametrize(("hit", "left"), [(True, False), (False, True)])
+def test_a_constant_in_a_hits_acceleration_is_no_mismatch(hit, left):
+    """Nothing that is held accelerates for long; where something moves, the same constant does count."""
+    rng = np.random.default_rng(9)
+    push = np.where(np.abs(T - 0.5) < 0.004, 100.0, 0.0)
+    ring = np.where(T > 0.5, np.exp(-(T - 0.5)) * np.sin(60.0 * (T - 0.5)), 0.0)
+    runs = []
+    for _ in range(2):
+        run = repeat(ring + 0.02 + 2e-3 * rng.standard_normal(len(T)), push)
+        if hit:
+            run.run.experiment, run.run.brake, run.load_force = "hammer", True, push
+        runs.append(run)
+    noise = NoiseModel(
+        {block_key(r, r.outputs[0]): BlockNoise(np.array([1.0]), 2e-3, 2e-3, 0.0) for r in runs}, 0.01, 3e-5
+    )
+    found = adequacy(runs, noise, [(ring,)] * 2, [(ring,)] * 2)
+    assert (found.base_left > 0.01) is left
+
+
 def test_a_periodic_excitation_is_known_and_a_sweep_is_not():
     """A multisine of 1 Hz spacing repeats every second."""
     rng = np.random.default_rng(3)

@@ -133,7 +133,7 @@ def test_orders_are_held_only_of_what_is_new(problem):
     assert with_orders_held(where, x, where.n) is where
 
 
-@pytest.mark.parametrize(("kind", "log_rate"), [("averaged", 500.0), ("held", 250.0)])
+@pytest.mark.parametrize(("kind", "log_rate"), [("averaged", 500.0), ("held", 250.0), ("averaged-held", 250.0)])
 def test_a_log_is_undone_alike_before_and_after_it_is_interpolated(kind, log_rate):
     """A filter that does not change in time commutes with band-limited interpolation."""
     rate, fine = 500.0, 3000.0
@@ -143,6 +143,20 @@ def test_a_log_is_undone_alike_before_and_after_it_is_interpolated(kind, log_rat
     first = bandlimited(relogged(u, rate, rate, log_rate, kind), rate)(half)
     after = relogged(bandlimited(u, rate)(half), fine, rate, log_rate, kind)
     assert np.max(np.abs(first - after)[600:-600]) < 2e-3
+
+
+@pytest.mark.parametrize(("kind", "age"), [("seen-held", 0.0), ("seen-held", 1.5e-3), ("averaged-held", 0.0)])
+def test_a_log_that_repeats_itself_is_put_back_where_it_belongs(kind, age):
+    """Of 12 Hz, updates at 125 Hz in a file of 500 Hz: late by a mean of 1.5 samples, by their age, and by half a mean."""
+    rate, update, f = 500.0, 125.0, 12.0
+    t = np.arange(2000) / rate
+    last = np.floor(t * update + 1e-9) / update - age
+    logged = np.sin(2 * np.pi * f * last)
+    if kind == "averaged-held":  # the mean over 1/update before
+        logged = np.sinc(f / update) * np.sin(2 * np.pi * f * (last - 0.5 / update))
+    left = (relogged(logged, rate, rate, update, kind, age) - np.sin(2 * np.pi * f * t))[300:-300]
+    assert np.sqrt(np.mean(np.square(left))) < 0.03
+    assert np.sqrt(np.mean(np.square(logged - np.sin(2 * np.pi * f * t)))) > 0.15
 
 
 @pytest.mark.parametrize(

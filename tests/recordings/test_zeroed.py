@@ -87,3 +87,23 @@ def test_what_an_amplifier_adds_to_quiet_hits_comes_off_the_loud_ones_too(offset
     assert len(lines) == (3 if offset else 0)
     left = found.runs[-1].streams[0].channels[1].samples[: HIT - 20]
     assert abs(np.mean(left)) < 0.05
+
+
+def test_one_offset_is_taken_off_where_readings_agree_and_each_its_own_where_they_do_not():
+    def means(offsets):
+        runs = [hit(np.random.default_rng(k), sensor_offset=x).runs[0] for k, x in enumerate(offsets)]
+        campaign = hit(np.random.default_rng(0))
+        done, _ = zeroed(replace(campaign, runs=tuple(replace(r, id=str(k)) for k, r in enumerate(runs))))
+        return [c.taken_off for c in (r.streams[0].channels[1] for r in done.runs)]
+
+    assert len(set(means([0.6, 0.6, 0.6]))) == 1
+    drifted = means([0.4, 0.6, 0.8])
+    assert np.allclose(drifted, [0.4, 0.6, 0.8], atol=0.02) and len(set(drifted)) == 3
+
+
+def test_a_run_without_the_others_offset_keeps_its_samples():
+    runs = [hit(np.random.default_rng(k), sensor_offset=x).runs[0] for k, x in enumerate([0.6, 0.61, 0.0])]
+    campaign = hit(np.random.default_rng(0))
+    done, lines = zeroed(replace(campaign, runs=tuple(replace(r, id=str(k)) for k, r in enumerate(runs))))
+    assert len(lines) == 2
+    assert done.runs[2].streams[0].channels[1].samples is runs[2].streams[0].channels[1].samples

@@ -162,20 +162,21 @@ def test_a_cells_noise_between_hits_pushes_nothing():
     assert still < 0.05 * shaken
 
 
-@pytest.mark.parametrize("form", ["averaged", "held"])
-def test_a_slow_logs_torque_is_restored_below_half_its_rate(form):
+@pytest.mark.parametrize(
+    ("form", "age"), [("averaged", 0.0), ("held", 0.0), ("seen-held", 7e-4), ("averaged-held", 0.0)]
+)
+def test_a_slow_logs_torque_is_restored_below_half_its_rate(form, age):
     rate, log_rate, f = 1000.0, 200.0, 20.0
     t = np.arange(4000) / rate
     truth = np.sin(2.0 * math.pi * f * t)
     every = round(rate / log_rate)
-    if form == "held":
-        logged = truth[(np.arange(t.size) // every) * every]
-    else:
-        fine = np.sin(2.0 * math.pi * f * (np.arange(t.size * 20) / (20 * rate)))
-        sums = np.cumsum(np.insert(fine, 0, 0.0))
-        at = np.arange(t.size) * 20
-        logged = (sums[at] - sums[np.maximum(at - 20 * every, 0)]) / (20 * every)
-    restored = relogged(logged, rate, log_rate, form)
+    last = (np.arange(t.size) // every) * every
+    fine = np.sin(2.0 * math.pi * f * (np.arange(t.size * 20) / (20 * rate) - age))
+    sums = np.cumsum(np.insert(fine, 0, 0.0))
+    at = np.arange(t.size) * 20
+    logged = (sums[at] - sums[np.maximum(at - 20 * every, 0)]) / (20 * every) if "averaged" in form else fine[at]
+    logged = logged[last] if form.endswith("held") else logged
+    restored = relogged(logged, rate, log_rate, form, age)
     inside = slice(500, -500)
     assert np.sqrt(np.mean((restored - truth)[inside] ** 2)) < 0.03
     assert np.sqrt(np.mean((logged - truth)[inside] ** 2)) > 0.15
