@@ -71,7 +71,7 @@ def _held_rates(problem: Problem) -> tuple[float, float, float]:
 
 
 def _seen_rates(problem: Problem) -> tuple[float, float, float]:
-    seen = _refreshed(problem)
+    seen = _refreshed(problem) or 0.5 * _log_rate(problem)
     return seen, seen, seen
 
 
