@@ -54,6 +54,7 @@ REGISTRY: tuple[EffectSpec, ...] = (
     *friction.STRIBECK,
     *standstill.STRIBECK,
     *friction.LOAD_AND_DRAG,
+    *standstill.LOADED,
     *transmission.SPECS,
     *periodic.SPECS,
     *drive.SPECS,

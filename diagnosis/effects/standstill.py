@@ -5,6 +5,7 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
     dT_f/dq = (1 - T_f sgn(w)/T)^i T / y                                the same with Dahl's exponent i
     T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
+    T_f = mu |T_S| tanh(w/w_e); mu |T_S| z, dz/dq = (1 - z sgn(w)) / y  load-dependent, rounded and with presliding
 
 Each is the sharp law of ``friction`` with one parameter more; with presliding too g may have the factor 1 +- asymmetry,
 or the bristles a damping of their own, which adds sigma_1 w (1 - T_f sgn(w)/(T g)), sigma_1 = sigma_0 t, sigma_0 = T/y (LuGre).
@@ -120,6 +121,37 @@ def _bristles(location: str) -> Apply:
         _presliding(location)(assembly, (torque, *build_up), weight)
         assembly.P[kernel.PRE_EXCESS] = excess(torque, breakaway)
         assembly.P[kernel.PRE_SPEED] = speed
+
+    return apply
+
+
+def _rounded_by_load(side: str) -> Apply:
+    at_load, at_speed = (
+        (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED)
+        if side == "motor"
+        else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED)
+    )
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        coefficient, speed = values
+        assembly.P[at_load] = coefficient
+        assembly.P[at_speed] = max(speed, steepest(assembly, side, coefficient * largest_load(assembly)))
+
+    return apply
+
+
+def largest_load(assembly: Assembly) -> float:
+    """An upper bound of |T_S| [N m]: weight and what moves."""
+    P = assembly.P
+    return float(
+        assembly.problem.scales.torque + math.hypot(P[kernel.G_COS], P[kernel.G_SIN]) + abs(P[kernel.G_CONST])
+    )
+
+
+def _presliding_by_load(side: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        _presliding(side)(assembly, (0.0, values[1]), weight)
+        assembly.P[kernel.PRE_LOAD] = values[0]
 
     return apply
 
@@ -265,6 +297,32 @@ def _damped_bristles(even: EffectSpec) -> EffectSpec:
     )
 
 
+def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, EffectSpec]:
+    """Friction in proportion to the transmitted torque that creeps, or is built up elastically."""
+    side = "motor" if sharp.variant == "input-side" else "load"
+    at_side = replace(sharp, location=side)  # where its speed and its bounds are taken
+    rounding = replace(
+        sharp,
+        variant=f"{sharp.variant}-rounded",
+        parameters=(*sharp.parameters, _ROUNDING),
+        law=f"mu |T_S| tanh(w/w_e) against the motion of the {side}",
+        apply=_rounded_by_load(side),
+        starts=_roundings(side),
+        limits=_rounding_limits(at_side),
+    )
+    presliding = replace(
+        sharp,
+        variant=f"{sharp.variant}-presliding",
+        parameters=(*sharp.parameters, _PRESLIDING),
+        law=f"mu |T_S| z against the motion of the {side}, dz/dq = (1 - z sgn(w)) / y",
+        apply=_presliding_by_load(side),
+        starts=_presliding_angles,
+        possible=_elastic(side),
+        limits=_presliding_limits(at_side),
+    )
+    return rounding, presliding
+
+
 def _brittle(dahl: EffectSpec) -> EffectSpec:
     """Presliding with Dahl's exponent, which is below 1 where elements of unlike strength slip one after the other."""
     return replace(
@@ -310,4 +368,7 @@ STRIBECK: tuple[EffectSpec, ...] = (
     *(_damped_bristles(even) for even in _BRISTLES),
     *_ROUNDED,
     *(_sided(rounded) for rounded in _ROUNDED),
+)
+LOADED: tuple[EffectSpec, ...] = tuple(
+    spec for sharp in friction.LOAD_AND_DRAG if sharp.name == "load-dependent-friction" for spec in _by_load(sharp)
 )

@@ -59,7 +59,12 @@ def simulate(
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
     rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
     rich = (
-        rich or P[ROUND_M] != 0.0 or P[ROUND_L] != 0.0 or S[PRE_SITE] > 0 or P[PAR_SHARE] != 0.0 or P[RUB] != 0.0
+        rich
+        or P[ROUND_M_SPEED] != 0.0
+        or P[ROUND_L_SPEED] != 0.0
+        or S[PRE_SITE] > 0
+        or P[PAR_SHARE] != 0.0
+        or P[RUB] != 0.0
     )
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
     free, fixed = (simulate_rich, simulate_rich_held) if rich else (simulate_plain, simulate_plain_held)

@@ -105,9 +105,12 @@ def _rates_source(
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if S[PRE_SITE] == AT_MOTOR:
-        force_m -= bristles(mem[9], q_s - mem[8], v_s, P)
-    if P[ROUND_M] != 0.0:
-        force_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s)
+        force_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
+    if P[ROUND_M_SPEED] != 0.0:
+        force_m -= rounded(
+            P[ROUND_M] + P[ROUND_M_LOAD] * abs(T), P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL],
+            P[ROUND_M_SIDED], v_s,
+        )  # fmt: skip
     level_m = P[FM_LOAD] * abs(T)
     a_s = 0.0
     if motor == MOTOR_HELD:
@@ -145,10 +148,13 @@ def _rates_source(
     force_l = T + ul - P[B_L] * v - P[G_CONST]
     if S[TABLE_SITE] == AT_LOAD:
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
-    if P[ROUND_L] != 0.0:
-        force_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v)
+    if P[ROUND_L_SPEED] != 0.0:
+        force_l -= rounded(
+            P[ROUND_L] + P[ROUND_L_LOAD] * abs(T), P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL],
+            P[ROUND_L_SIDED], v,
+        )  # fmt: skip
     if S[PRE_SITE] == AT_LOAD:
-        force_l -= bristles(mem[9], q - mem[8], v, P)
+        force_l -= bristles(mem[9], q - mem[8], v, T, P)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
         d = q + beta - mem[5]
         if abs(d) > TURN:

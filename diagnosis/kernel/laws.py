@@ -95,16 +95,17 @@ def remaining(u: float, r: float, brittle: float) -> float:
 
 
 @compiled
-def bristles(z: float, d: float, v: float, P: Real) -> float:
+def bristles(z: float, d: float, v: float, load: float, P: Real) -> float:
     """What bristles resist with after a travel ``d`` at speed ``v`` from the state ``z`` [N m]: LuGre's law.
 
-    sigma_0 y z + sigma_1 y z', with sigma_0 y = PRE_TORQUE and sigma_1 = PRE_TORQUE PRE_DAMPING.
+    sigma_0 y z + sigma_1 y z', with sigma_0 y = T and sigma_1 = T PRE_DAMPING, T = PRE_TORQUE + PRE_LOAD |``load``|.
     """
     bent = bristle(z, d, v, P)
+    torque = P[PRE_TORQUE] + P[PRE_LOAD] * abs(load)
     if P[PRE_DAMPING] == 0.0:
-        return float(P[PRE_TORQUE] * bent)
+        return float(torque * bent)
     s = 1.0 if v > 0.0 else -1.0
-    return float(P[PRE_TORQUE] * (bent + P[PRE_DAMPING] * v * (1.0 - s * bent / bristle_end(s, v, P))))
+    return float(torque * (bent + P[PRE_DAMPING] * v * (1.0 - s * bent / bristle_end(s, v, P))))
 
 
 @compiled

@@ -54,7 +54,9 @@ RUB = 129  # damping in proportion to the wind-up [N m s/rad^2]
 HYST_SHAPE = 130  # delta/gamma of Bouc and Wen: 1 unloads straight, 0 is Dahl's law, below -1 the loop stiffens
 PRE_DAMPING = 131  # LuGre's sigma_1 over PRE_TORQUE [s/rad]
 PRE_BRITTLE = 132  # 1 less Dahl's exponent: 0 is an exponential approach, towards 1 a spring that slips
-N_P = 133
+PRE_LOAD = 133  # presliding friction per transmitted torque [-], beside PRE_TORQUE
+ROUND_M_LOAD, ROUND_L_LOAD = 134, 135  # the same of rounded friction
+N_P = 136
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

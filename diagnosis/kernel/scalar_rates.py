@@ -81,10 +81,13 @@ def _scalar_rates_source(
     net_m = tau - T - b_m * v_s
     if rich and S[TABLE_SITE] == AT_MOTOR:
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
-    if rich and P[ROUND_M] != 0.0:
-        net_m -= rounded(P[ROUND_M], P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s)
+    if rich and P[ROUND_M_SPEED] != 0.0:
+        net_m -= rounded(
+            P[ROUND_M] + P[ROUND_M_LOAD] * abs(T), P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL],
+            P[ROUND_M_SIDED], v_s,
+        )  # fmt: skip
     if rich and S[PRE_SITE] == AT_MOTOR:
-        net_m -= bristles(mem[9], q_s - mem[8], v_s, P)
+        net_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -119,10 +122,13 @@ def _scalar_rates_source(
     net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
     if rich and S[TABLE_SITE] == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
-    if rich and P[ROUND_L] != 0.0:
-        net_l -= rounded(P[ROUND_L], P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v)
+    if rich and P[ROUND_L_SPEED] != 0.0:
+        net_l -= rounded(
+            P[ROUND_L] + P[ROUND_L_LOAD] * abs(T), P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL],
+            P[ROUND_L_SIDED], v,
+        )  # fmt: skip
     if rich and S[PRE_SITE] == AT_LOAD:
-        net_l -= bristles(mem[9], q - mem[8], v, P)
+        net_l -= bristles(mem[9], q - mem[8], v, T, P)
     if rich and (mode == 1 or mode == 2):
         net_l += (J_l - inertia) * pull
         if mode == 1:

@@ -6,6 +6,7 @@ dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the a
 with Dahl's exponent i for 1 of 1 - T_f sgn(w)/(T g) where it has one, and
 with sigma_1 w (1 - T_f sgn(w)/(T g)) beside it where the bristles are damped (LuGre), sigma_1 = bristle_time T/y
 T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e): a table over the speed
+mu |T_S| z with bristles' z, mu |T_S| tanh(w/w_e): the same two laws, of 1 instead of a torque and times mu |T_S|
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
 
@@ -64,8 +65,9 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
 
 
 def _creeping(
-    building: Building, location: str, torque: float, rounding: float, excess: float, fall: float, sided: float
-) -> None:
+    building: Building, location: str, torque: float, rounding: float, excess: float, fall: float, sided: float,
+    of: str = "speed",
+) -> None:  # fmt: skip
     """T [1 + excess exp(-(w/fall)^2)] tanh(w/rounding), as a table that ends where nothing changes any more."""
     reach = max(SATURATED * rounding, SETTLED * fall if excess else 0.0)
     between = min(rounding, fall) if excess else rounding
@@ -75,10 +77,12 @@ def _creeping(
     rise = np.tanh(speed / rounding)
     force = -torque * level * (rise + sided * np.abs(rise))
     at = "load" if building.single else location
-    building.law("table", at=at, of="speed", low=-reach, high=reach, torque=list(force))
+    building.law("table", at=at, of=of, low=-reach, high=reach, torque=list(force))
 
 
-def _bristles(building: Building, location: str, p: Parameters, excess: float, speed: float) -> None:
+def _bristles(
+    building: Building, location: str, p: Parameters, excess: float, speed: float, by_load: bool = False
+) -> None:
     at, angle, sided = "load" if building.single else location, p["presliding"], p.get("asymmetry", 0.0)
     damping = p.get("bristle_time", 0.0) * p["torque"] / angle
     building.law(
@@ -91,12 +95,19 @@ def _bristles(building: Building, location: str, p: Parameters, excess: float, s
         sided=sided,
         damping=damping,
         exponent=p.get("exponent", 1.0),
+        by_load=by_load,
     )
 
 
 def load_dependent(building: Building, location: str, variant: str, p: Parameters) -> str:
     """mu |T_S| against the motion of one side."""
-    at = "load" if variant == "output-side" or building.single else "motor"
+    at = "load" if variant.startswith("output-side") or building.single else "motor"
+    if variant.endswith("-rounded"):
+        _creeping(building, at, p["coefficient"], p["rounding"], 0.0, p["rounding"], 0.0, "speed-by-load")
+        return ""
+    if variant.endswith("-presliding"):
+        _bristles(building, at, {**p, "torque": p["coefficient"]}, 0.0, 1.0, by_load=True)
+        return ""
     building.rub(at, 0.0)
     building.law("friction-level", at=at, excess=0.0, speed=1.0, exponent=2.0, share=p["coefficient"])
     return f"a trace of frictionloss on {_element(at)}, which the law renews"

@@ -120,12 +120,18 @@ class _JointLaw:
             for law in by_kind["external-vibration"]
             if not law.get("mount")
         ]
-        self.bristles = [(law["at"] == "motor", bristles(law)) for law in by_kind["bristles"]]
+        self.bristles = [
+            (law["at"] == "motor", bool(law.get("by_load", False)), bristles(law)) for law in by_kind["bristles"]
+        ]
         self.stops = [
             (float(law["side"]), float(law["angle"]), float(law["damping"])) for law in by_kind["stop-loss"]
         ]
         self.levels = by_kind["friction-level"]
-        self.share = any(law["share"] for law in self.levels)
+        self.share = (
+            any(law["share"] for law in self.levels)
+            or any(by_load for _, by_load, _ in self.bristles)
+            or any(of == "speed-by-load" for _, of in self.tables)
+        )
         arm = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, "arm")
         self.contacts: list[tuple[Real, int, float, bool, list[Law]]] = []
         for at, array, index in (
@@ -159,11 +165,12 @@ class _JointLaw:
                 force[self.motor] += share * self.gear * self.command.torque * math.sin(angle)
         if self.motor >= 0:
             force[self.motor] += self._tabled("motor", angle=q_s, speed=v_s)
-            force[self.motor] -= sum(part(t, q_s, v_s) for at_motor, part in self.bristles if at_motor)
-        on_arm = self._tabled("load", angle=q_s + x, speed=v_s + v) - sum(
-            moment * math.cos(q_s + x + phase) for moment, phase in self.pulls
-        )
-        on_arm -= sum(part(t, q_s + x, v_s + v) for at_motor, part in self.bristles if not at_motor)
+            force[self.motor] += abs(torque) * self._tabled("motor", **{"speed-by-load": v_s})
+            force[self.motor] -= self._bristled(True, torque, t, q_s, v_s)
+        on_arm = self._tabled("load", angle=q_s + x, speed=v_s + v)
+        on_arm += abs(torque) * self._tabled("load", **{"speed-by-load": v_s + v})
+        on_arm -= sum(moment * math.cos(q_s + x + phase) for moment, phase in self.pulls)
+        on_arm -= self._bristled(False, torque, t, q_s + x, v_s + v)
         for side, angle, damping in self.stops:
             depth = side * (q_s + x - angle)
             if depth > 0.0:  # never a pull: the spring's own push is all that can be lost
@@ -192,6 +199,14 @@ class _JointLaw:
             torque += memory(t, delta, rate)
         torque += delta * self._tabled("transmission", **{"stiffness-by-angle": q_s + x})
         return torque + self._tabled("transmission", **{"wind-up": delta, "wind-up-rate": rate})
+
+    def _bristled(self, motor: bool, torque: float, t: float, position: float, rate: float) -> float:
+        """Friction of the bristles at one side [N m]; ``torque`` is T_S."""
+        return sum(
+            part(t, position, rate) * (abs(torque) if by_load else 1.0)
+            for at_motor, by_load, part in self.bristles
+            if at_motor == motor
+        )
 
     def _tabled(self, at: str, **variables: float) -> float:
         """Torque of the laws without a name at one place [N m]."""

@@ -110,6 +110,8 @@ MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0
         (dict(N_TE=1, N_RIPPLE=1, REID=0.05, REID_OMEGA=250.0), None),
         (dict(PRE_SITE=k.AT_MOTOR, **BRISTLES), None),
         (dict(PRE_SITE=k.AT_LOAD, **BRISTLES, **DRY), None),
+        (dict(PRE_SITE=k.AT_MOTOR, PRE_LOAD=0.1, PRE_ANGLE=2e-5, ROUND_L_LOAD=0.05, ROUND_L_SPEED=0.02), None),
+        (dict(PRE_SITE=k.AT_LOAD, PRE_LOAD=0.1, PRE_ANGLE=2e-5, ROUND_M_LOAD=0.05, ROUND_M_SPEED=0.02), None),
         (dict(PAR_SHARE=0.1, PAR_MOTOR=5.0, PAR_LOAD=3.0, PAR_PHASE=0.4, RUB=2e5), None),
         (MODE | DRY, k.AT_LINK),
         (MODE, k.AT_NEAR),
@@ -370,6 +372,22 @@ def test_rounded_stribeck_follows_its_curve_on_either_side_and_in_either_stepper
     assert k_laws.rounded(T, w_e, 0.0, 1.0, -0.2, 0.003) == pytest.approx(0.8 * T * math.tanh(0.75), rel=1e-12)
     assert k_laws.rounded(T, w_e, 0.0, 1.0, -0.2, -0.003) == pytest.approx(-1.2 * T * math.tanh(0.75), rel=1e-12)
     assert k_laws.rounded(T, w_e, 0.0, 1.0, 0.0, 0.003) == pytest.approx(T * math.tanh(0.75), rel=1e-12)
+
+
+@pytest.mark.parametrize("switch", ["rounded", "presliding"])
+def test_friction_by_load_is_its_share_of_the_transmitted_torque_once_it_slides(switch):
+    """In a steady slide -J a = T_S + mu |T_S| sgn(v): at either sign of T_S it resists, and at none it is gone."""
+    mu, J, stiffness = 0.1, 1e6, 2e5
+    for wind_up in (-1e-3, 0.0, 1e-3):
+        for v in (-0.02, 0.02):
+            P, S = packed(K=stiffness, C=0.0, J_L=J)
+            if switch == "rounded":
+                P[k.ROUND_L_LOAD], P[k.ROUND_L_SPEED] = mu, 1e-4
+            else:
+                P[k.PRE_LOAD], P[k.PRE_ANGLE], S[k.PRE_SITE] = mu, 1e-7, k.AT_LOAD
+            _, out = run(P, S, x=(wind_up, 0, 0, v), duration=0.01)
+            T = out[-1, k.X_TS]
+            assert J * out[-1, k.X_A] == pytest.approx(T - mu * abs(T) * math.copysign(1.0, v), rel=1e-9)
 
 
 def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):
