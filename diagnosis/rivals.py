@@ -46,8 +46,9 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "sliding-mount": _CARRIERS[1:],
     "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
     "rounded": ("rounded-asymmetric",),
-    "dahl": ("bouc-wen-shaped",),
-    "bouc-wen": ("bouc-wen-shaped",),
+    "dahl": ("bouc-wen-shaped", "slip-spread"),
+    "bouc-wen": ("bouc-wen-shaped", "slip-spread"),
+    "maxwell-slip": ("slip-spread",),
     "plain": ("presliding",),
     "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
     "bristles": ("bristles-asymmetric", "bristles-damped"),
@@ -253,6 +254,7 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
             p.unit for p in leader.spec.parameters if p.name == "transition_angle"
         )  # m where the axis slides
         known["gap", unit] = 2.0 * known["soft_share", "1"] * known["transition_angle", unit]
+    known |= _bristles_and_loop(known)
     found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
         keys = [(p.name, p.unit) for p in trial.spec.parameters]
@@ -265,6 +267,18 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
                     turned = (*values[:2], turn, *values[3:])
                     found.setdefault((id(trial.spec), turn), ActiveEffect(trial.spec, turned))
     return list(found.values())
+
+
+def _bristles_and_loop(known: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
+    """The angle over which friction builds up that bends like a loop of this torque and stiffness, and the reverse."""
+    for force, angle in (("N m", "rad"), ("N", "m")):
+        torque = known.get(("torque", force), 0.0)
+        for (name, unit), other in ((("stiffness", f"{force}/{angle}"), ("presliding", angle)),
+                                    (("presliding", angle), ("stiffness", f"{force}/{angle}"))):  # fmt: skip
+            bend = known.get((name, unit), 0.0)
+            if torque > 0.0 and bend > 0.0:
+                return {other: torque / bend}
+    return {}
 
 
 def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:

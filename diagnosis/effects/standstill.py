@@ -169,7 +169,7 @@ def _damped(even: EffectSpec) -> Apply:
 
 
 def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
-    shares = (0.2 * SHORT, 0.7 * SHORT) if held(problem) else (0.03, 0.15)
+    shares = (0.2 * SHORT, 0.7 * SHORT) if held(problem) else (0.03, 0.15, 0.003)
     return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in shares)
 
 
@@ -245,7 +245,7 @@ def _stribeck_on_bristles(sharp: EffectSpec) -> EffectSpec:
         law="dT/dq = (T_c - T sgn(w)/g) / y, g = 1 + (T_b/T_c - 1) exp(-(w/w_s)^2)",
         apply=_bristles(sharp.location),
         starts=lambda problem: tuple(
-            (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in _presliding_angles(problem)
+            (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in _presliding_angles(problem)[:2]
         ),
         possible=_elastic(sharp.location),
         limits=_presliding_limits(sharp, SHORT_OF_FALLING),

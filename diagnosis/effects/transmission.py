@@ -99,6 +99,19 @@ def _structural_branches(assembly: Assembly, values: Values, weight: float) -> N
     S[kernel.N_X] += _BRANCHES
 
 
+def slip_levels(spread: float) -> tuple[float, ...]:
+    """Slip limits of equal springs side by side, in geometric steps over the ratio ``spread``; their mean is 1."""
+    last = kernel.SLIP_ELEMENTS - 1
+    levels = [spread ** (i / last - 0.5) for i in range(kernel.SLIP_ELEMENTS)]
+    mean = sum(levels) / len(levels)
+    return tuple(level / mean for level in levels)
+
+
+def _spread_loop(assembly: Assembly, values: Values, weight: float) -> None:
+    _hysteresis(kernel.SLIP_SPREAD)(assembly, values[:2], weight)
+    assembly.P[kernel.HYST_LEVEL_0 : kernel.HYST_LEVEL_0 + kernel.SLIP_ELEMENTS] = slip_levels(values[2])
+
+
 def _structural_reid(assembly: Assembly, values: Values, weight: float) -> None:
     # K |Delta| sgn(v) loses 2 K A^2 per cycle, a loss factor eta loses pi eta K A^2
     assembly.P[kernel.REID] = 0.5 * math.pi * values[0]
@@ -182,6 +195,7 @@ def _is_soft(values: Values) -> bool:
     return values[0] < 0.99 * _SOFTEST
 
 
+WIDEST_SPREAD = 300.0  # of the last slip over the first; beyond, the first elements only add to the spring or to c
 _HITS = ("hammer", "torque-sweep")
 _SPRING = ("stiffness-nonlinearity", "backlash", "hysteresis")
 
@@ -313,6 +327,27 @@ SPECS: tuple[EffectSpec, ...] = (
         apply=_shaped_loop,
         scale=_loop_sizes,
         starts=lambda problem: tuple((*loop, -1.4) for loop in _loop_starts(problem)),
+        possible=needs_spring,
+        limits=_loop_limits,
+        sensible_at=_of_the_spring,
+        proportional=(1,),
+    ),
+    EffectSpec(
+        name="hysteresis",
+        location="transmission",
+        variant="slip-spread",
+        family="hysteretic",
+        parameters=(
+            ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0),
+            ParameterSpec("stiffness", "N m/rad", 1e-6, 1e15, log=True),
+            ParameterSpec("spread", "1", 1.0, WIDEST_SPREAD, log=True),
+        ),
+        law="K Delta + T z(Delta): eight equal springs that slip one after the other, the last at spread times the first",
+        revealed_by=_HITS,
+        look_alikes=("coulomb-friction", "structural-damping", "stiffness-nonlinearity"),
+        apply=_spread_loop,
+        scale=_loop_sizes,
+        starts=lambda problem: tuple((*loop, 10.0) for loop in _loop_starts(problem)[1:4]),
         possible=needs_spring,
         limits=_loop_limits,
         sensible_at=_of_the_spring,

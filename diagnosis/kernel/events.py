@@ -27,6 +27,10 @@ def remember(P: Real, S: NDArray[np.int64], mem: Real, delta: float) -> None:
         for i in range(4):
             limit = 0.4 * (i + 1)
             mem[1 + i] = min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
+    elif S[HYST_KIND] == SLIP_SPREAD:
+        for i in range(SLIP_ELEMENTS):
+            limit = P[HYST_LEVEL_0 + i]
+            mem[10 + i] = min(max(mem[10 + i] + travel / P[HYST_ANGLE], -limit), limit)
     else:
         mem[1] = hysteresis(mem[1], travel, P[HYST_ANGLE], S[HYST_KIND], P[HYST_SHAPE])
     mem[0] = delta

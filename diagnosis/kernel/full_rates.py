@@ -16,6 +16,7 @@ from jointscope.diagnosis.kernel.laws import (
     friction,
     hysteresis,
     rounded,
+    spread,
     tabled,
     with_table,
 )
@@ -72,6 +73,8 @@ def _rates_source(
                 limit = 0.4 * (i + 1)
                 total += min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
             T += P[HYST_TORQUE] * 0.25 * total
+        elif kind == SLIP_SPREAD:
+            T += P[HYST_TORQUE] * spread(mem, travel, P)
         else:
             T += P[HYST_TORQUE] * hysteresis(mem[1], travel, P[HYST_ANGLE], kind, P[HYST_SHAPE])
     for i in range(S[N_BRANCH]):

@@ -42,7 +42,7 @@ def simulate_full(
     m = S[N_X]
     k1, k2, xt, total, xn = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
     aux, ahead = np.zeros(N_AUX), np.zeros(N_AUX)
-    mem = np.zeros(10)
+    mem = np.zeros(N_MEM)
     pre = 0 if S[PRE_SITE] == AT_MOTOR else 2
     mem[8] = x[pre]
     mem[5] = 1e9  # angle about which weight is expanded; none yet

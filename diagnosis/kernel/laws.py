@@ -59,6 +59,16 @@ def hysteresis(z: float, d: float, y: float, kind: int, shape: float) -> float:
 
 
 @compiled
+def spread(mem: Real, d: float, P: Real) -> float:
+    """Mean of the slipping elements' torques after a travel ``d``, each an elastic spring of the same stiffness."""
+    share, total = d / P[HYST_ANGLE], 0.0
+    for i in range(SLIP_ELEMENTS):
+        limit = P[HYST_LEVEL_0 + i]
+        total += min(max(mem[10 + i] + share, -limit), limit)
+    return total / SLIP_ELEMENTS
+
+
+@compiled
 def bristle_end(s: float, v: float, P: Real) -> float:
     """g(v) of :func:`bristle` in the direction ``s``: the level on which bristles end, over PRE_TORQUE."""
     level = 1.0

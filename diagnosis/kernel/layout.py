@@ -56,7 +56,8 @@ PRE_DAMPING = 131  # LuGre's sigma_1 over PRE_TORQUE [s/rad]
 PRE_BRITTLE = 132  # 1 less Dahl's exponent: 0 is an exponential approach, towards 1 a spring that slips
 PRE_LOAD = 133  # presliding friction per transmitted torque [-], beside PRE_TORQUE
 ROUND_M_LOAD, ROUND_L_LOAD = 134, 135  # the same of rounded friction
-N_P = 136
+HYST_LEVEL_0, SLIP_ELEMENTS = 136, 8  # slip limits of parallel elements, each over HYST_ANGLE; their mean is 1
+N_P = 144
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6
@@ -65,7 +66,7 @@ TABLE_SITE, TABLE_OF = 14, 15
 PRE_SITE = 16
 N_S = 17
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
-DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP, BOUC_WEN_SHAPED = 1, 2, 3, 4, 5
+DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP, BOUC_WEN_SHAPED, SLIP_SPREAD = 1, 2, 3, 4, 5, 6
 AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
 OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE, OF_TURN = 0, 1, 2, 3, 4  # TABLE_OF; of turn: a stiffness
 
@@ -76,4 +77,5 @@ N_OUT = 11
 
 # --- of the steppers ----------------------------------------------------------------------------------------------
 N_AUX = 17  # diagnostics of one evaluation
+N_MEM = 18  # wind-up, four elements or one loop, weight's angle (3), bristles (2), eight elements
 MAX_EVENTS = 12  # pieces into which dry friction may cut one step

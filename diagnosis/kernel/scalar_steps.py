@@ -40,7 +40,7 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
         sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
         dry_m = dry_m and not HELD
-        mem = np.zeros(10)
+        mem = np.zeros(N_MEM)
         hyst, pre = False, 0
         if RICH:
             hyst, pre = S[HYST_KIND] != 0, S[PRE_SITE]

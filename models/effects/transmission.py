@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from jointscope.models.effects.building import Building, Parameters
 
 SLIP_LEVELS = (0.4, 0.8, 1.2, 1.6)  # yield angles of four equal elements over the loop's own angle; they sum to 4
+SPREAD_ELEMENTS = 8
 BRANCHES = 5
 SPACING = 4.0  # of the branches' relaxation times: within 7 % from a fifth to five times the resonance
 TURNING = 0.05  # of the speed amplitude at resonance, over which the rate-independent damping turns round
@@ -47,15 +50,22 @@ def hysteresis(building: Building, location: str, variant: str, p: Parameters) -
     if variant == "bouc-wen-shaped":
         building.law("hysteresis", form=variant, torque=torque, angle=angle, shape=p["shape"])
         return ""
-    if variant != "maxwell-slip":
+    if variant not in ("maxwell-slip", "slip-spread"):
         building.law("hysteresis", form="dahl" if variant == "dahl" else "bouc-wen", torque=torque, angle=angle)
         return ""
-    for number, level in enumerate(SLIP_LEVELS, 1):
+    levels = SLIP_LEVELS if variant == "maxwell-slip" else _slip_levels(p["spread"])
+    for number, level in enumerate(levels, 1):
         slip = building.spec.add_tendon(name=f"slip {number}")
         slip.wrap_joint("reducer", 1.0)
-        slip.stiffness[0] = torque / (len(SLIP_LEVELS) * angle)
+        slip.stiffness[0] = torque / (len(levels) * angle)
         slip.springyield = level * angle
-    return "springyield of four parallel tendons"
+    return f"springyield of {len(levels)} parallel tendons"
+
+
+def _slip_levels(spread: float) -> tuple[float, ...]:
+    """Where each of equal springs yields over their mean: in geometric steps, the last at ``spread`` times the first."""
+    steps = np.geomspace(1.0, spread, SPREAD_ELEMENTS)
+    return tuple(float(level) for level in steps / steps.mean())
 
 
 def structural(building: Building, location: str, variant: str, p: Parameters) -> str:

@@ -107,6 +107,7 @@ MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0
         (dict(GAP_HALF=2e-5, **DRY), None),
         (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.BOUC_WEN, **DRY), None),
         (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.MAXWELL_SLIP), None),
+        (dict(HYST_TORQUE=5.0, HYST_ANGLE=5e-5, HYST_KIND=k.SLIP_SPREAD, HYST_LEVEL_0=0.4), None),
         (dict(N_TE=1, N_RIPPLE=1, REID=0.05, REID_OMEGA=250.0), None),
         (dict(PRE_SITE=k.AT_MOTOR, **BRISTLES), None),
         (dict(PRE_SITE=k.AT_LOAD, **BRISTLES, **DRY), None),

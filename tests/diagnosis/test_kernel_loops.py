@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.effects.transmission import slip_levels
 from jointscope.diagnosis.kernel import laws as k_laws
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -32,6 +33,28 @@ def test_hysteresis_is_rate_independent_dissipates_and_starts_stiff(kind):
         assert np.max(np.abs(T - 1.9e5 * delta)) <= 10.0 * 1.0001
     assert area[0] > 0.0
     assert area[1] == pytest.approx(area[0], rel=1e-3)
+
+
+def loop(P, S, amplitude, rate=8192.0):
+    """The second turn of a slow sine of the motor [rad, N m], less the spring's own torque."""
+    _, out = run(P, S, y=lambda t: amplitude * np.sin(2 * np.pi * t), duration=2.0, rate=rate)
+    delta, T = out[:, k.X_QS] - out[:, k.X_Q], out[:, k.X_TS]
+    half = len(T) // 2
+    return delta[half:], T[half:] - P[k.K] * delta[half:]
+
+
+@pytest.mark.parametrize("spread", [1.0, 4.0, 30.0])
+def test_slipping_springs_lose_what_each_of_them_slips(spread):
+    """Each spring k/8 with the limit Y loses 4 (k/8) Y (A - Y) a turn once A > Y, and nothing below."""
+    P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-4, HYST_KIND=k.SLIP_SPREAD, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12)
+    levels = np.array(slip_levels(spread))
+    assert np.mean(levels) == pytest.approx(1.0) and levels[-1] / levels[0] == pytest.approx(spread)
+    P[k.HYST_LEVEL_0 : k.HYST_LEVEL_0 + k.SLIP_ELEMENTS] = levels
+    for amplitude in (0.5e-4, 1.5e-4, 1e-3):
+        delta, T = loop(P, S, amplitude)
+        slipped = np.maximum(amplitude - 1e-4 * levels, 0.0)
+        expected = 4.0 * 10.0 / 1e-4 / 8.0 * np.sum(1e-4 * levels * slipped)
+        assert np.trapezoid(T, delta) == pytest.approx(expected, rel=2e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("shape", [-1.4, -1.0, -0.3, 1.0])

@@ -57,6 +57,7 @@ CATALOGUE = [
     ("hysteresis", "transmission", "dahl", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "bouc-wen-shaped", {"torque": 8.0, "stiffness": 1e5, "shape": -1.4}, "torque", 0.0),
     ("hysteresis", "transmission", "maxwell-slip", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
+    ("hysteresis", "transmission", "slip-spread", {"torque": 8.0, "stiffness": 1e5, "spread": 10.0}, "torque", 0.0),
     ("hysteresis", "transmission", "elastic-slip", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("structural-damping", "transmission", "relaxation", {"loss_factor": 0.05}, "loss_factor", 0.0),
     ("structural-damping", "transmission", "rate-independent", {"loss_factor": 0.05}, "loss_factor", 0.0),

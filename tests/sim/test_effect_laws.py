@@ -48,11 +48,16 @@ def test_coulomb_takes_the_same_amplitude_from_every_swing_and_then_holds(effect
     assert np.max(np.abs(held)) < 1e-3
 
 
-def test_friction_in_proportion_to_the_torque_decays_like_a_loss_factor():
+@pytest.mark.parametrize(
+    "law",
+    [{"variant": "output-side"}, {"variant": "output-side-rounded", "rounding": 1e-5},
+     {"variant": "output-side-presliding", "presliding": 1e-8}],
+    ids=lambda law: law["variant"],
+)  # fmt: skip
+def test_friction_in_proportion_to_the_torque_decays_like_a_loss_factor(law):
     """mu |T_S| loses 2 mu K A^2 a cycle of 1/2 K A^2: A falls by exp(-2 mu) each cycle, at every level."""
-    t, A = peaks(
-        stepped(hit(), entry("load-dependent-friction", "transmission", "output-side", coefficient=0.02))[ARM]
-    )
+    effect = entry("load-dependent-friction", "transmission", coefficient=0.02, **law)
+    t, A = peaks(stepped(hit(), effect)[ARM])
     early = (t > 0.03) & (t < 0.8)
     rate = np.polyfit(t[early], np.log(A[early]), 1)[0]
     assert rate == pytest.approx(-2.0 * 0.02 * W0 / (2.0 * math.pi), rel=0.02)
@@ -147,9 +152,11 @@ def test_hysteresis_starts_unloaded_with_the_slope_of_its_stiffness():
         assert law(1e-4, 1e-3 + 8e-8, 0.0) == pytest.approx(8.0 / 8e-5 * 8e-8, rel=1e-3)
 
 
-def test_slipping_elements_stiffen_small_motion_by_their_sum_and_yield_at_the_torque():
+@pytest.mark.parametrize("law", [{"variant": "maxwell-slip"}, {"variant": "slip-spread", "spread": 3.0}], ids=str)
+def test_slipping_elements_stiffen_small_motion_by_their_sum_and_yield_at_the_torque(law):
     """Below the first slip the frequency is that of K + stiffness; far above, that of K."""
-    slip = entry("hysteresis", "transmission", "maxwell-slip", torque=8.0, stiffness=1e5)
+    law = dict(law)
+    slip = entry("hysteresis", "transmission", law.pop("variant"), torque=8.0, stiffness=1e5, **law)
     x = stepped(hit(impulse=0.01), slip)[ARM]
     assert frequency(*peaks(x), 0.05, 0.9) == pytest.approx(math.sqrt(3e5 / J_L) / (2.0 * math.pi), rel=1e-3)
     t, A = peaks(stepped(hit(impulse=6.0), slip)[ARM])
