@@ -22,6 +22,7 @@ from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, 
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.form import own_share
 from jointscope.diagnosis.gates import OWN_FORM, REAL, Comparison
+from jointscope.diagnosis.intervals import differs_from_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
@@ -351,6 +352,8 @@ def standing(judgement: Judgement) -> list[Judged]:
         if sorted_runs and not all(compare(judgement, part, child).beyond(REAL_SORTED) for part in without):
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
+            continue
+        if not differs_from_nothing(judgement.objective, child.fit):
             continue
         weak = [part for part, c in zip(parts, over, strict=True) if not c.stands]
         if weak:

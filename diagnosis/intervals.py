@@ -79,6 +79,20 @@ def with_form(where: Coordinates, x: Vector, errors: Vector) -> Vector:
     return found
 
 
+def differs_from_nothing(objective: Objective, fit: Fit) -> bool:
+    """Whether no effect's 95 % interval holds the size at which it is absent.
+
+    A mismatch of no effect's form is taken for a small one in some runs and for its opposite in others, whatever the
+    likelihood says.
+    """
+    where, found = fit.coordinates, estimates(objective, fit)
+    for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
+        null, size = spec.parameters[spec.amplitude].null, found[rows.start + spec.amplitude]
+        if null is not None and size.low <= null <= size.high:
+            return False
+    return True
+
+
 def estimates(objective: Objective, fit: Fit) -> tuple[Estimate, ...]:
     """Every coordinate of the fit as a physical value with its 95 % interval; bounds limit the interval."""
     where = fit.coordinates

@@ -51,7 +51,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "maxwell-slip": ("slip-spread",),
     "plain": ("presliding",),
     "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
-    "bristles": ("bristles-asymmetric", "bristles-damped"),
+    "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
     "cubic": ("piecewise-cubic",),
     "piecewise": ("piecewise-cubic",),
     "motor-order": ("motor-order-harmonic",),

@@ -5,7 +5,6 @@ r"""Dry friction with a shape about standstill: rounded over a speed, or built u
     dT_f/dq = (1 - T_f sgn(w)/T)^i T / y                                the same with Dahl's exponent i
     T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
     dT_f/dq = (T - T_f sgn(w) / g) / y, g = 1 + (T_b/T - 1) exp(-(w/w_s)^2)   Stribeck with presliding (LuGre)
-    T_f = mu |T_S| tanh(w/w_e); mu |T_S| z, dz/dq = (1 - z sgn(w)) / y  load-dependent, rounded and with presliding
 
 Each is the sharp law of ``friction`` with one parameter more; with presliding too g may have the factor 1 +- asymmetry,
 or the bristles a damping of their own, which adds sigma_1 w (1 - T_f sgn(w)/(T g)), sigma_1 = sigma_0 t, sigma_0 = T/y (LuGre).
@@ -82,15 +81,15 @@ def _rounded_stribeck(location: str) -> Apply:
     return apply
 
 
-def _roundings(location: str) -> Starts:
+def roundings(location: str) -> Starts:
     return lambda problem: tuple((share * top_speed(problem, location),) for share in (0.004, 0.02, 0.1))
 
 
 def _sided_roundings(location: str) -> Starts:
-    return lambda problem: tuple((*rounding, 0.05) for rounding in _roundings(location)(problem)[:2])
+    return lambda problem: tuple((*rounding, 0.05) for rounding in roundings(location)(problem)[:2])
 
 
-def _rounding_limits(sharp: EffectSpec) -> Limits:
+def rounding_limits(sharp: EffectSpec) -> Limits:
     def limits(problem: Problem) -> dict[str, tuple[float, float]]:
         top = top_speed(problem, sharp.location)
         return {**sharp.limits(problem), "rounding": (2e-5 * top, 0.5 * top)}
@@ -98,7 +97,7 @@ def _rounding_limits(sharp: EffectSpec) -> Limits:
     return limits
 
 
-def _presliding(location: str) -> Apply:
+def presliding(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         assembly.P[kernel.PRE_TORQUE], assembly.P[kernel.PRE_ANGLE] = values[:2]
         assembly.P[kernel.PRE_SIDED] = values[2] if len(values) > 2 else 0.0
@@ -109,7 +108,7 @@ def _presliding(location: str) -> Apply:
 
 def _shaped(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        _presliding(location)(assembly, values[:2], weight)
+        presliding(location)(assembly, values[:2], weight)
         assembly.P[kernel.PRE_BRITTLE] = 1.0 - values[2]
 
     return apply
@@ -118,40 +117,9 @@ def _shaped(location: str) -> Apply:
 def _bristles(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         torque, breakaway, speed, *build_up = values
-        _presliding(location)(assembly, (torque, *build_up), weight)
+        presliding(location)(assembly, (torque, *build_up), weight)
         assembly.P[kernel.PRE_EXCESS] = excess(torque, breakaway)
         assembly.P[kernel.PRE_SPEED] = speed
-
-    return apply
-
-
-def _rounded_by_load(side: str) -> Apply:
-    at_load, at_speed = (
-        (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED)
-        if side == "motor"
-        else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED)
-    )
-
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        coefficient, speed = values
-        assembly.P[at_load] = coefficient
-        assembly.P[at_speed] = max(speed, steepest(assembly, side, coefficient * largest_load(assembly)))
-
-    return apply
-
-
-def largest_load(assembly: Assembly) -> float:
-    """An upper bound of |T_S| [N m]: weight and what moves."""
-    P = assembly.P
-    return float(
-        assembly.problem.scales.torque + math.hypot(P[kernel.G_COS], P[kernel.G_SIN]) + abs(P[kernel.G_CONST])
-    )
-
-
-def _presliding_by_load(side: str) -> Apply:
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        _presliding(side)(assembly, (0.0, values[1]), weight)
-        assembly.P[kernel.PRE_LOAD] = values[0]
 
     return apply
 
@@ -168,12 +136,12 @@ def _damped(even: EffectSpec) -> Apply:
     return apply
 
 
-def _presliding_angles(problem: Problem) -> tuple[Values, ...]:
+def presliding_angles(problem: Problem) -> tuple[Values, ...]:
     shares = (0.2 * SHORT, 0.7 * SHORT) if held(problem) else (0.03, 0.15, 0.003)
     return tuple((share * max(problem.scales.wind_up, 1e-9),) for share in shares)
 
 
-def _presliding_limits(sharp: EffectSpec, short: float = SHORT) -> Limits:
+def presliding_limits(sharp: EffectSpec, short: float = SHORT) -> Limits:
     """Bounds of the sharp law, and of the angle: on a held joint at most the share ``short`` of the wind-up."""
 
     def limits(problem: Problem) -> dict[str, tuple[float, float]]:
@@ -189,7 +157,7 @@ def held(problem: Problem) -> bool:
     return all(run.mode == "braked" for run in problem.runs)
 
 
-def _elastic(location: str) -> Possible:
+def elastic(location: str) -> Possible:
     def reason(problem: Problem) -> str | None:
         if not any(run.spring for run in problem.runs):
             return "the rig has no elastic transmission"
@@ -198,8 +166,8 @@ def _elastic(location: str) -> Possible:
     return reason
 
 
-_ROUNDING = ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
-_PRESLIDING = ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)
+ROUNDING = ParameterSpec("rounding", "rad/s", 1e-12, 1e6, log=True)
+PRESLIDING = ParameterSpec("presliding", "rad", 1e-15, 1e6, log=True)
 
 
 def _rounded_coulomb(sharp: EffectSpec) -> EffectSpec:
@@ -208,15 +176,15 @@ def _rounded_coulomb(sharp: EffectSpec) -> EffectSpec:
     return replace(
         sharp,
         variant="rounded-asymmetric" if asymmetry else "rounded",
-        parameters=(torque, _ROUNDING, *asymmetry),
+        parameters=(torque, ROUNDING, *asymmetry),
         law="T (1 +- asymmetry) tanh(w/w_e) against the motion"
         if asymmetry
         else "T tanh(w/w_e) against the motion: it creeps where a dry contact sticks",
         revealed_by=("hammer", "speed-motion", "torque-sweep"),
         apply=_rounded(sharp.location),
         decades=0,
-        starts=_sided_roundings(sharp.location) if asymmetry else _roundings(sharp.location),
-        limits=_rounding_limits(sharp),
+        starts=_sided_roundings(sharp.location) if asymmetry else roundings(sharp.location),
+        limits=rounding_limits(sharp),
     )
 
 
@@ -225,14 +193,14 @@ def _presliding_coulomb(sharp: EffectSpec) -> EffectSpec:
     return replace(
         sharp,
         variant="presliding",
-        parameters=(*sharp.parameters, _PRESLIDING),
+        parameters=(*sharp.parameters, PRESLIDING),
         law="dT/dq = (T_c - T sgn(w)) / y: Coulomb's force, built up elastically over the angle y",
         revealed_by=("speed-motion", "torque-sweep"),
-        apply=_presliding(sharp.location),
+        apply=presliding(sharp.location),
         decades=0,
-        starts=_presliding_angles,
-        possible=_elastic(sharp.location),
-        limits=_presliding_limits(sharp),
+        starts=presliding_angles,
+        possible=elastic(sharp.location),
+        limits=presliding_limits(sharp),
     )
 
 
@@ -241,14 +209,14 @@ def _stribeck_on_bristles(sharp: EffectSpec) -> EffectSpec:
     return replace(
         sharp,
         variant="bristles",
-        parameters=(*sharp.parameters, _PRESLIDING),
+        parameters=(*sharp.parameters, PRESLIDING),
         law="dT/dq = (T_c - T sgn(w)/g) / y, g = 1 + (T_b/T_c - 1) exp(-(w/w_s)^2)",
         apply=_bristles(sharp.location),
         starts=lambda problem: tuple(
-            (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in _presliding_angles(problem)[:2]
+            (*speeds, *angle) for speeds in sharp.starts(problem)[:2] for angle in presliding_angles(problem)[:2]
         ),
-        possible=_elastic(sharp.location),
-        limits=_presliding_limits(sharp, SHORT_OF_FALLING),
+        possible=elastic(sharp.location),
+        limits=presliding_limits(sharp, SHORT_OF_FALLING),
     )
 
 
@@ -257,13 +225,29 @@ def _rounded_stribeck_of(sharp: EffectSpec) -> EffectSpec:
     return replace(
         sharp,
         variant="rounded",
-        parameters=(*sharp.parameters, _ROUNDING),
+        parameters=(*sharp.parameters, ROUNDING),
         law="[T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)",
         apply=_rounded_stribeck(sharp.location),
         starts=lambda problem: tuple(
-            (*speeds, *_roundings(sharp.location)(problem)[0]) for speeds in sharp.starts(problem)[1:]
+            (*speeds, *roundings(sharp.location)(problem)[0]) for speeds in sharp.starts(problem)[1:]
         ),
-        limits=_rounding_limits(sharp),
+        limits=rounding_limits(sharp),
+    )
+
+
+def _tustin_bristles(even: EffectSpec) -> EffectSpec:
+    """Bristles whose breakaway falls as Tustin's does; fitted from where the even ones were found."""
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        even.apply(assembly, values, weight)
+        assembly.P[kernel.PRE_EXPONENT] = 1.0
+
+    return replace(
+        even,
+        variant=f"{even.variant}-exponential",
+        law="dT/dq = (T_c - T sgn(w)/g) / y, g = 1 + (T_b/T_c - 1) exp(-|w|/w_s)",
+        apply=apply,
+        starts=lambda problem: even.starts(problem)[:1],
     )
 
 
@@ -295,32 +279,6 @@ def _damped_bristles(even: EffectSpec) -> EffectSpec:
         apply=_damped(even),
         starts=starts,
     )
-
-
-def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, EffectSpec]:
-    """Friction in proportion to the transmitted torque that creeps, or is built up elastically."""
-    side = "motor" if sharp.variant == "input-side" else "load"
-    at_side = replace(sharp, location=side)  # where its speed and its bounds are taken
-    rounding = replace(
-        sharp,
-        variant=f"{sharp.variant}-rounded",
-        parameters=(*sharp.parameters, _ROUNDING),
-        law=f"mu |T_S| tanh(w/w_e) against the motion of the {side}",
-        apply=_rounded_by_load(side),
-        starts=_roundings(side),
-        limits=_rounding_limits(at_side),
-    )
-    presliding = replace(
-        sharp,
-        variant=f"{sharp.variant}-presliding",
-        parameters=(*sharp.parameters, _PRESLIDING),
-        law=f"mu |T_S| z against the motion of the {side}, dz/dq = (1 - z sgn(w)) / y",
-        apply=_presliding_by_load(side),
-        starts=_presliding_angles,
-        possible=_elastic(side),
-        limits=_presliding_limits(at_side),
-    )
-    return rounding, presliding
 
 
 def _brittle(dahl: EffectSpec) -> EffectSpec:
@@ -366,9 +324,7 @@ STRIBECK: tuple[EffectSpec, ...] = (
     *_BRISTLES,
     *(_sided_bristles(even) for even in _BRISTLES),
     *(_damped_bristles(even) for even in _BRISTLES),
+    *(_tustin_bristles(even) for even in _BRISTLES),
     *_ROUNDED,
     *(_sided(rounded) for rounded in _ROUNDED),
-)
-LOADED: tuple[EffectSpec, ...] = tuple(
-    spec for sharp in friction.LOAD_AND_DRAG if sharp.name == "load-dependent-friction" for spec in _by_load(sharp)
 )

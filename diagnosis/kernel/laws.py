@@ -74,7 +74,7 @@ def bristle_end(s: float, v: float, P: Real) -> float:
     level = 1.0
     if P[PRE_EXCESS] != 0.0:
         r = v / P[PRE_SPEED]
-        level += P[PRE_EXCESS] * math.exp(-r * r)
+        level += P[PRE_EXCESS] * math.exp(-abs(r) if P[PRE_EXPONENT] == 1.0 else -r * r)
     return float(level * (1.0 + s * P[PRE_SIDED]))
 
 
@@ -82,7 +82,7 @@ def bristle_end(s: float, v: float, P: Real) -> float:
 def bristle(z: float, d: float, v: float, P: Real) -> float:
     """Dry friction over PRE_TORQUE after a travel ``d`` at speed ``v`` from the state ``z``: built up over PRE_ANGLE.
 
-    dz/dq = (1 - z s/g(v))^i / y, g = (1 + s PRE_SIDED) (1 + PRE_EXCESS exp(-(v/PRE_SPEED)^2)), i = 1 - PRE_BRITTLE:
+    dz/dq = (1 - z s/g(v))^i / y, g = (1 + s PRE_SIDED) (1 + PRE_EXCESS exp(-(v/PRE_SPEED)^p)), i = 1 - PRE_BRITTLE:
     Dahl's law, with a breakaway LuGre's.
     """
     if d == 0.0:

@@ -57,7 +57,8 @@ PRE_BRITTLE = 132  # 1 less Dahl's exponent: 0 is an exponential approach, towar
 PRE_LOAD = 133  # presliding friction per transmitted torque [-], beside PRE_TORQUE
 ROUND_M_LOAD, ROUND_L_LOAD = 134, 135  # the same of rounded friction
 HYST_LEVEL_0, SLIP_ELEMENTS = 136, 8  # slip limits of parallel elements, each over HYST_ANGLE; their mean is 1
-N_P = 144
+PRE_EXPONENT = 144  # 1 where the breakaway falls as exp(-v/PRE_SPEED), else as exp(-(v/PRE_SPEED)^2)
+N_P = 145
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -46,7 +46,8 @@ def stribeck(building: Building, location: str, variant: str, p: Parameters) -> 
     torque = p["torque"]
     if variant.startswith("bristles"):
         excess = max(p["breakaway"] / torque - 1.0, 0.0)
-        _bristles(building, location, p, excess, p["stribeck_velocity"])
+        fall = 1.0 if variant.endswith("-exponential") else 2.0
+        _bristles(building, location, p, excess, p["stribeck_velocity"], fall)
         return ""
     if variant.startswith("rounded"):
         excess, sided = max(p["breakaway"] / torque - 1.0, 0.0), p.get("asymmetry", 0.0)
@@ -81,7 +82,13 @@ def _creeping(
 
 
 def _bristles(
-    building: Building, location: str, p: Parameters, excess: float, speed: float, by_load: bool = False
+    building: Building,
+    location: str,
+    p: Parameters,
+    excess: float,
+    speed: float,
+    fall: float = 2.0,
+    by_load: bool = False,
 ) -> None:
     at, angle, sided = "load" if building.single else location, p["presliding"], p.get("asymmetry", 0.0)
     damping = p.get("bristle_time", 0.0) * p["torque"] / angle
@@ -95,6 +102,7 @@ def _bristles(
         sided=sided,
         damping=damping,
         exponent=p.get("exponent", 1.0),
+        fall=fall,
         by_load=by_load,
     )
 

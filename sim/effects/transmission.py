@@ -83,16 +83,16 @@ def hysteresis(law: Law) -> Part:
 
 
 def bristles(law: Law) -> Part:
-    """T z with the travel over ``angle``: z' = (1 - s z/g)^exponent, g = (1 + s sided) (1 + excess exp(-(v/speed)^2)).
+    """T z with the travel over ``angle``: z' = (1 - s z/g)^exponent, g = (1 + s sided) (1 + excess exp(-|v/speed|^fall)).
 
     And ``damping`` v (1 - s z/g): LuGre's law.
     """
     excess, speed, sided = float(law["excess"]), float(law["speed"]), float(law.get("sided", 0.0))
     torque, damping = float(law["torque"]), float(law.get("damping", 0.0))
-    exponent = float(law.get("exponent", 1.0))
+    exponent, fall = float(law.get("exponent", 1.0)), float(law.get("fall", 2.0))
 
     def end(sign: float, rate: float) -> float:
-        return (1.0 + math.copysign(sided, sign)) * (1.0 + excess * math.exp(-((rate / speed) ** 2)))
+        return (1.0 + math.copysign(sided, sign)) * (1.0 + excess * math.exp(-(abs(rate / speed) ** fall)))
 
     def follow(z: float, travel: float, rate: float) -> float:
         g = end(travel, rate)

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis import intervals
 from jointscope.diagnosis.effects import REGISTRY
-from jointscope.diagnosis.intervals import FORM, FORM_OF_EXACT, STRETCH, with_form
+from jointscope.diagnosis.intervals import FORM, FORM_OF_EXACT, STRETCH, Estimate, with_form
 
 
 def spec_of(name, variant):
@@ -48,3 +49,23 @@ def test_chance_and_form_add_in_squares():
     assert found == pytest.approx(np.hypot(STRETCH * 0.1, FORM * 2.0))
     bare = replace(spec_of("quadratic-damping", "drag"), exact=True)
     assert with_form(coordinates_of(bare), np.array([2.0]), np.array([0.1])) < found
+
+
+@pytest.mark.parametrize(
+    ("name", "variant", "estimate", "told"),
+    [
+        ("gravity", "level", Estimate(-0.022, -0.059, 0.015), False),
+        ("gravity", "level", Estimate(-0.022, -0.029, -0.015), True),
+        ("torque-gain", "constant", Estimate(1.02, 0.99, 1.05), False),
+        ("torque-gain", "constant", Estimate(1.02, 1.01, 1.03), True),
+        ("coulomb-friction", "plain", Estimate(0.3, 0.0, 0.9), False),  # the bound is where it is absent
+        ("sensor-resonance", "bandwidth", Estimate(900.0, 100.0, 5000.0), True),  # absent at infinity
+    ],
+)
+def test_an_effect_whose_interval_holds_nothing_is_not_told_from_nothing(
+    monkeypatch, name, variant, estimate, told
+):
+    where = coordinates_of(spec_of(name, variant))
+    found = (estimate, *(Estimate(0.0, -1.0, 1.0) for _ in where.effects[0].parameters[1:]))
+    monkeypatch.setattr(intervals, "estimates", lambda objective, fit: found)
+    assert intervals.differs_from_nothing(None, SimpleNamespace(coordinates=where)) is told

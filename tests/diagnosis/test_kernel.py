@@ -312,6 +312,9 @@ def test_bristles_end_on_the_curve_of_their_speed_and_without_breakaway_are_dahl
         S[k.PRE_SITE] = k.AT_LOAD
         _, out = run(P, S, x=(0, 0, 0, v), duration=0.5)
         assert -1e6 * out[-1, k.X_A] == pytest.approx(T * level, rel=1e-3)
+        P[k.PRE_EXPONENT] = 1.0
+        _, out = run(P, S, x=(0, 0, 0, v), duration=0.5)
+        assert -1e6 * out[-1, k.X_A] == pytest.approx(T * (1.0 + 0.5 * np.exp(-v / v_s)), rel=1e-3)
     P, S = packed(PRE_TORQUE=4.0, PRE_ANGLE=1e-5, PRE_EXCESS=0.0, PRE_SPEED=1.0)
     S[k.PRE_SITE] = k.AT_LOAD
     z = 0.3

@@ -39,7 +39,7 @@ def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, held, stays
 def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monkeypatch, over_best, stands):
     """Beside an inferior law of its part it makes a small share; beside the best law it must stand."""
     base, inferior, best, pair = (
-        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True))
+        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True), fit=None)
         for names in ((), ("a@load",), ("a@load",), ("a@load", "b@motor"))
     )
     scores = {id(base): 0.0, id(inferior): 400.0, id(best): 600.0, id(pair): 800.0}
@@ -47,10 +47,26 @@ def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monk
     monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
     monkeypatch.setattr(adjudicate, "compare", lambda _, part, child: over[id(part)] if child is pair else STANDS)
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
+    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
-    found = adjudicate.standing(SimpleNamespace(base=base, judged=(base, best, inferior, pair)))
+    found = adjudicate.standing(SimpleNamespace(objective=None, base=base, judged=(base, best, inferior, pair)))
     assert (pair in found) is stands
     assert best in found and inferior in found
+
+
+@pytest.mark.parametrize("differs", [True, False])
+def test_what_is_not_told_from_nothing_does_not_stand(monkeypatch, differs):
+    base, child = (
+        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True), fit=None)
+        for names in ((), ("gravity@load",))
+    )
+    monkeypatch.setattr(adjudicate, "score", lambda _, j: float(j is child))
+    monkeypatch.setattr(adjudicate, "compare", lambda *_: STANDS)
+    monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
+    monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
+    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: differs)
+    found = adjudicate.standing(SimpleNamespace(objective=None, base=base, judged=(base, child)))
+    assert (child in found) is differs
 
 
 @pytest.mark.parametrize(
@@ -60,7 +76,7 @@ def test_a_set_that_would_lead_stands_for_what_no_other_form_of_its_part_could_d
     monkeypatch, own, scored, stands
 ):
     base, part, pair = (
-        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True))
+        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True), fit=None)
         for names in ((), ("a@load",), ("a@load", "b@motor"))
     )
     scores = {id(base): 0.0, id(part): 600.0, id(pair): scored}
@@ -69,9 +85,10 @@ def test_a_set_that_would_lead_stands_for_what_no_other_form_of_its_part_could_d
         adjudicate, "compare", lambda _, parent, child: BESIDE if child is pair and parent is part else STANDS
     )
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
+    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
     monkeypatch.setattr(adjudicate, "own_share", lambda *_: own)
-    found = adjudicate.standing(SimpleNamespace(base=base, judged=(base, part, pair)))
+    found = adjudicate.standing(SimpleNamespace(objective=None, base=base, judged=(base, part, pair)))
     assert (pair in found) is stands
 
 

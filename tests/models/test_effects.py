@@ -33,6 +33,8 @@ CATALOGUE = [
      {"torque": 2.0, "breakaway": 3.0, "stribeck_velocity": 0.02, "rounding": 0.004, "asymmetry": 0.1}, "torque", 0.0),
     ("stribeck-friction", "motor", "bristles",
      {"torque": 20.0, "breakaway": 30.0, "stribeck_velocity": 0.02, "presliding": 1e-5}, "torque", 0.0),
+    ("stribeck-friction", "motor", "bristles-exponential",
+     {"torque": 20.0, "breakaway": 30.0, "stribeck_velocity": 0.02, "presliding": 1e-5}, "torque", 0.0),
     ("stribeck-friction", "load", "bristles-damped",
      {"torque": 2.0, "breakaway": 3.0, "stribeck_velocity": 0.02, "presliding": 1e-5, "bristle_time": 2e-4},
      "torque", 0.0),

@@ -1,0 +1,93 @@
+r"""Friction in proportion to the transmitted torque that creeps, or is built up elastically, as dry friction does.
+
+    T_f = mu |T_S| tanh(w/w_e)                                          rounded over the speed w_e
+    T_f = mu |T_S| z, dz/dq = (1 - z sgn(w)) / y                        with presliding over the angle y
+
+Each is mu |T_S| sgn(w) of ``friction`` with one parameter more, and tends to it as that goes to zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis import kernel
+from jointscope.diagnosis.effects import friction
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Values
+from jointscope.diagnosis.effects.standstill import (
+    PRESLIDING,
+    ROUNDING,
+    elastic,
+    presliding,
+    presliding_angles,
+    presliding_limits,
+    rounding_limits,
+    roundings,
+    steepest,
+)
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.assembly import Assembly
+
+
+def _rounded_by_load(side: str) -> Apply:
+    at_load, at_speed = (
+        (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED)
+        if side == "motor"
+        else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED)
+    )
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        coefficient, speed = values
+        assembly.P[at_load] = coefficient
+        assembly.P[at_speed] = max(speed, steepest(assembly, side, coefficient * largest_load(assembly)))
+
+    return apply
+
+
+def largest_load(assembly: Assembly) -> float:
+    """An upper bound of |T_S| [N m]: weight and what moves."""
+    P = assembly.P
+    return float(
+        assembly.problem.scales.torque + math.hypot(P[kernel.G_COS], P[kernel.G_SIN]) + abs(P[kernel.G_CONST])
+    )
+
+
+def _presliding_by_load(side: str) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        presliding(side)(assembly, (0.0, values[1]), weight)
+        assembly.P[kernel.PRE_LOAD] = values[0]
+
+    return apply
+
+
+def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, EffectSpec]:
+    """Friction in proportion to the transmitted torque that creeps, or is built up elastically."""
+    side = "motor" if sharp.variant == "input-side" else "load"
+    at_side = replace(sharp, location=side)  # where its speed and its bounds are taken
+    creeping = replace(
+        sharp,
+        variant=f"{sharp.variant}-rounded",
+        parameters=(*sharp.parameters, ROUNDING),
+        law=f"mu |T_S| tanh(w/w_e) against the motion of the {side}",
+        apply=_rounded_by_load(side),
+        starts=roundings(side),
+        limits=rounding_limits(at_side),
+    )
+    bending = replace(
+        sharp,
+        variant=f"{sharp.variant}-presliding",
+        parameters=(*sharp.parameters, PRESLIDING),
+        law=f"mu |T_S| z against the motion of the {side}, dz/dq = (1 - z sgn(w)) / y",
+        apply=_presliding_by_load(side),
+        starts=presliding_angles,
+        possible=elastic(side),
+        limits=presliding_limits(at_side),
+    )
+    return creeping, bending
+
+
+SPECS: tuple[EffectSpec, ...] = tuple(
+    spec for sharp in friction.LOAD_AND_DRAG if sharp.name == "load-dependent-friction" for spec in _by_load(sharp)
+)
