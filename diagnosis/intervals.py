@@ -18,7 +18,7 @@ from scipy.stats import t as student
 from jointscope.diagnosis.coordinates import Coordinates
 from jointscope.diagnosis.effects import EffectSpec, ParameterSpec
 from jointscope.diagnosis.objective import Objective
-from jointscope.diagnosis.refit import Fit, covariance
+from jointscope.diagnosis.refit import Fit, covariance, with_fresh_jacobian
 
 Vector = NDArray[np.float64]
 
@@ -85,6 +85,7 @@ def differs_from_nothing(objective: Objective, fit: Fit) -> bool:
     A mismatch of no effect's form is taken for a small one in some runs and for its opposite in others, whatever the
     likelihood says.
     """
+    fit = with_fresh_jacobian(objective, fit)
     where, found = fit.coordinates, estimates(objective, fit)
     for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
         null, size = spec.parameters[spec.amplitude].null, found[rows.start + spec.amplitude]

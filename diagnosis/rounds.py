@@ -41,6 +41,7 @@ from jointscope.diagnosis.search import (
     screen_on,
     weightings,
 )
+from jointscope.diagnosis.uncoupling import bends_beside, in_own_terms
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
@@ -198,6 +199,10 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
     return arena
 
 
+def _uncoupled(arena: Arena) -> Arena:
+    return replace(arena, hypotheses=tuple(in_own_terms(arena.objective, arena.hypotheses)))
+
+
 def _with_strangers(arena: Arena, outside: Sequence[EffectSpec], effort: Effort) -> tuple[Hypothesis, ...]:
     """All hypotheses, and what physics outside the contract's table does in place of the leading one."""
     if not arena.hypotheses or not outside:
@@ -232,10 +237,11 @@ def explore(
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
+    singles.extend(bends_beside(first.objective, first.base, effort))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, _with_strangers(arena, outside, effort)
+        return screening, _with_strangers(_uncoupled(arena), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     if further:
         arena = settled(arena, further, effort)
@@ -259,6 +265,7 @@ def explore(
     report("fitting pairs")
     for parent in _parents(arena, effort.beam):
         pairs.extend(extensions(arena.objective, arena.base.fit, parent, laws, screening, effort))
+        pairs.extend(bends_beside(arena.objective, parent, effort))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
@@ -270,4 +277,4 @@ def explore(
                 break
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
-    return screening, _with_strangers(arena, outside, effort)
+    return screening, _with_strangers(_uncoupled(arena), outside, effort)

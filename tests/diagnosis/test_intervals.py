@@ -68,4 +68,4 @@ def test_an_effect_whose_interval_holds_nothing_is_not_told_from_nothing(
     where = coordinates_of(spec_of(name, variant))
     found = (estimate, *(Estimate(0.0, -1.0, 1.0) for _ in where.effects[0].parameters[1:]))
     monkeypatch.setattr(intervals, "estimates", lambda objective, fit: found)
-    assert intervals.differs_from_nothing(None, SimpleNamespace(coordinates=where)) is told
+    assert intervals.differs_from_nothing(None, SimpleNamespace(coordinates=where, fresh=True)) is told
