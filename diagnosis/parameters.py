@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from jointscope.recordings.campaign import Nameplate
 
 MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate beyond which a start that no hit gave is not believed
+ZERO_OFF = 0.03  # of the largest logged torque, by which the zero of a calibrated log may be off
 OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
 
 
@@ -25,6 +26,11 @@ def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
         (run.load is not None and run.load.calibrated) or (run.motor is not None and run.motor.calibrated)
         for run in runs
     )
+
+
+def zero_near(runs: tuple[PreparedRun, ...]) -> bool:
+    """Whether the input's zero is off by no more than ``ZERO_OFF`` of the largest torque: a calibrated log of a motor."""
+    return all(run.motor is None or run.motor.calibrated for run in runs) and not any(carries(run) for run in runs)
 
 
 def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
@@ -92,8 +98,8 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "gravity_moment": gravity_free,
         "efficiency": efficiency_free,
         "torque_scale": scale_free,
-        # an uncalibrated channel's zero is unknown, and so is that of the amplifier that drives a carriage
-        "torque_offset": (driven and not motor_known and swung) or any(carries(run) for run in runs),
+        # nobody knows an uncalibrated channel's zero, nor that of the amplifier that drives a carriage; a log's is off a little
+        "torque_offset": (driven and swung) or any(carries(run) for run in runs),
     }
     merged = {} if swung or not springs else {"damping": "damping_total"}
     if merged:
@@ -202,4 +208,6 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     for name in ("gravity_moment", "torque_offset"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = -1e3 * scales[i], 1e3 * scales[i]
+    if zero_near(runs):
+        lower[i], upper[i] = -ZERO_OFF * largest, ZERO_OFF * largest
     return replace(base, scale=scales, lower=lower, upper=upper)

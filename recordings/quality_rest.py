@@ -54,8 +54,11 @@ def matters(signal: Signal, reading: tuple[float, float]) -> bool:
 
 def rest_reading(run: Run, signal: Signal, rig: Nameplate) -> tuple[float, float] | None:
     """(level, its standard error) of a channel that should read zero before anything happens [its unit]."""
-    if not reads_zero_at_rest(run, signal, rig):
-        return None
+    return quiet_level(run, signal) if reads_zero_at_rest(run, signal, rig) else None
+
+
+def quiet_level(run: Run, signal: Signal) -> tuple[float, float] | None:
+    """(level, its standard error) of a channel before anything happens [its unit]."""
     quiet = quiet_start(run, signal)
     if quiet is None:
         return None

@@ -2,20 +2,27 @@
 
 An amplifier keeps its offset from run to run. So one that shows in the quiet runs of a channel is taken off its loud
 ones too, where it is small beside the peak: the same constant in every run is no noise.
+
+A sensor of true zero frequency that stands upright reads its weight, g cos q. What it reads beside that is an offset where
+it is the same in postures of unlike weight: a tilted or mistaken sensor reads a share of the weight.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from jointscope.recordings.campaign import Campaign, Run, Signal
-from jointscope.recordings.quality_rest import CERTAIN, at_rest, matters, rest_reading, settles_later
+from jointscope.recordings.campaign import Campaign, Nameplate, Run, Signal
+from jointscope.recordings.quality_rest import CERTAIN, at_rest, matters, quiet_level, rest_reading, settles_later
+from jointscope.recordings.units import STANDARD_GRAVITY
 
 FOUND_IN = 1.0 / 3.0  # of a channel's runs, which makes an offset the channel's ...
 AT_LEAST = 2  # ... and in as many runs
+UNLIKE = 0.05  # of g, between the weights of postures that tell a constant from a share of the weight
+SAME = 0.03  # of an offset, within which its readings are one
 SCATTERED = 3.0  # standard errors of a reading, within which they scatter about one offset: noise may be slow
 
 Sensor = tuple[str, str, str, float, float]
@@ -27,8 +34,13 @@ def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     A channel whose ac coupling was still charging keeps its samples: that is no constant.
     """
     readings: dict[Sensor, dict[int, tuple[float, float]]] = {}
+    weighed: dict[Sensor, dict[int, tuple[float, float, float]]] = {}
     levels: dict[int, float] = {}
     for run, signal in _signals(campaign):
+        beside = _beside_weight(run, signal, campaign.rig)
+        if beside is not None:
+            weighed.setdefault(_sensor(signal), {})[id(signal.channel)] = beside
+            continue
         reading = rest_reading(run, signal, campaign.rig)
         if reading is None or settles_later(signal, reading[0]):
             continue
@@ -39,6 +51,8 @@ def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
         found = [levels[channel] for channel in known if channel in levels]
         if len(found) >= max(AT_LEAST, FOUND_IN * len(known)):
             levels |= _of_all_runs(known, found)
+    for upright in weighed.values():
+        levels |= _of_all_postures(upright)
     lines = tuple(
         f"{signal.channel.quantity} at the {signal.channel.location} (run {run.id}): "
         f"{at_rest(signal, levels[id(signal.channel)])} subtracted"
@@ -75,6 +89,28 @@ def _of_all_runs(known: Mapping[int, tuple[float, float]], found: Sequence[float
     if float(np.std(list(alike.values()))) <= SCATTERED * errors:
         return dict.fromkeys(alike, float(np.mean(list(alike.values()))))
     return alike
+
+
+def _beside_weight(run: Run, signal: Signal, rig: Nameplate) -> tuple[float, float, float] | None:
+    """What a sensor that weighs itself reads at rest beside its weight, the standard error, and the weight [m/s^2]."""
+    channel = signal.channel
+    upright = rig.plane == "vertical" and rig.motion == "rotational" and channel.coupling == "dc"
+    on_arm = channel.quantity == "linear-acceleration" and channel.location != "motor"
+    if not (upright and on_arm and channel.direction == "tangential" and run.initial == "rest"):
+        return None
+    reading = quiet_level(run, signal)
+    weight = STANDARD_GRAVITY * math.cos(run.arm_angle)
+    return None if reading is None else (reading[0] - weight, reading[1], weight)
+
+
+def _of_all_postures(known: Mapping[int, tuple[float, float, float]]) -> dict[int, float]:
+    """The offset of every run of a sensor that weighs itself, where it is certain and the same in unlike postures."""
+    level, error, weight = (np.array(column) for column in zip(*known.values(), strict=True))
+    common, uncertain = float(np.mean(level)), float(np.median(error))
+    unlike = float(np.ptp(weight)) > UNLIKE * STANDARD_GRAVITY
+    alike = float(np.max(np.abs(level - common))) < max(CERTAIN * uncertain, SAME * abs(common))
+    certain = abs(common) > CERTAIN * uncertain
+    return dict.fromkeys(known, common) if unlike and alike and certain else {}
 
 
 def _without(run: Run, levels: dict[int, float]) -> Run:

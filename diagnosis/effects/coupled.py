@@ -23,6 +23,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.modes import SPECS as MODES
 from jointscope.diagnosis.effects.spec import ActiveEffect, EffectSpec, ParameterSpec, Values, needs_spring
 
@@ -34,6 +35,7 @@ STARTS = (1.3, 1.8, 2.6, 3.6)  # times the joint's resonance; beyond, a bend mov
 FRACTION = 0.05  # of the outer part's motion that hammer and sensor follow, where a search begins
 NEAREST = 0.05  # of w^2, by which the bend is kept above the joint's resonance
 LIGHTEST = 0.2  # of the base's inertia
+SMALLEST = 2e-3  # the same, of the outer part
 VARIANT = "coupled"
 
 PLAIN = next(spec for spec in MODES if spec.variant == "two-shapes")
@@ -69,6 +71,12 @@ def _starts(problem: Problem) -> tuple[Values, ...]:
     return tuple((factor * problem.scales.frequency, 0.02, FRACTION, FRACTION) for factor in STARTS)
 
 
+def _limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    """A part of next to no inertia would be thrown to infinity by the share of a hit that it gets."""
+    inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
+    return {**PLAIN.limits(problem), "inertia": (SMALLEST * inertia, 0.9 * inertia)}
+
+
 def _possible(problem: Problem) -> str | None:
     return needs_spring(problem) or PLAIN.possible(problem)
 
@@ -85,6 +93,7 @@ COUPLED: EffectSpec = replace(
     apply=_coupled,
     starts=_starts,
     possible=_possible,
+    limits=_limits,
     residual_starts=None,
 )
 

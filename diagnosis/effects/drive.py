@@ -17,6 +17,7 @@ from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     ParameterSpec,
     Values,
+    lasts,
     needs_motor_torque,
     one_start,
 )
@@ -78,6 +79,7 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=apply,
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=one_start,
+            sensible=lasts,
             possible=_lag_possible,
         )
         for variant, apply, law in (

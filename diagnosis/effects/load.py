@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Starts, Values, one_start
+from jointscope.diagnosis.parameters import zero_near
 from jointscope.models.parameters import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def _gravity_possible(problem: Problem) -> str | None:
         return "the arm's weight is not on the nameplate, so it is a parameter"
     if all(run.mode == "braked" for run in problem.runs):
         return "the motor is held in every run: weight only preloads the transmission"
-    if problem.rig.motion == "translational" and problem.base.free[BASE_INDEX["torque_offset"]]:
+    unknown = problem.base.free[BASE_INDEX["torque_offset"]] and not zero_near(problem.runs)
+    if problem.rig.motion == "translational" and unknown:
         return "a constant force can't be told from the input's unknown zero"
     return None
 

@@ -18,6 +18,7 @@ from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     ParameterSpec,
     Values,
+    lasts,
     needs_motor_torque,
     needs_two_clocks,
     one_start,
@@ -125,6 +126,7 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=apply,
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=one_start,
+            sensible=lasts,
             possible=possible,
         )
         for variant, law, look_alikes, apply, possible in (

@@ -19,6 +19,8 @@ Family = Literal[
 ]  # fmt: skip
 Values = tuple[float, ...]
 
+SHORTEST = 2e-5  # s: a multiplexed converter reads its channels so far apart, a hold of 25 kHz lags by so much
+
 
 @dataclass(frozen=True)
 class ParameterSpec:
@@ -146,6 +148,11 @@ class ActiveEffect:
         weight = 1.0 if weights is None else weights[assembly.run.index]
         if weight != 0.0 and not self.spec.is_null(self.values):
             self.spec.apply(assembly, self.values, weight)
+
+
+def lasts(values: Values) -> bool:
+    """Whether a time is longer than a recorder leaves open: channels sampled in turn, holds and filters are not exact to less."""
+    return abs(values[0]) > SHORTEST
 
 
 def one_start(problem: Problem) -> tuple[Values, ...]:

@@ -107,3 +107,37 @@ def test_a_run_without_the_others_offset_keeps_its_samples():
     done, lines = zeroed(replace(campaign, runs=tuple(replace(r, id=str(k)) for k, r in enumerate(runs))))
     assert len(lines) == 2
     assert done.runs[2].streams[0].channels[1].samples is runs[2].streams[0].channels[1].samples
+
+
+def upright(offset, angles, tilt=0.0, gain=1.0):
+    """Hits of a standing arm in several postures, seen by a dc sensor."""
+    rng = np.random.default_rng(7)
+    weights = [gain * 9.80665 * (np.cos(q) * np.cos(tilt) + np.sin(q) * np.sin(tilt)) for q in angles]
+    runs = [
+        replace(hit(rng, sensor_offset=offset + w, plane="vertical").runs[0], id=f"h{k}", arm_angle=q)
+        for k, (q, w) in enumerate(zip(angles, weights, strict=True))
+    ]
+    return replace(hit(rng, plane="vertical"), runs=tuple(runs))
+
+
+def test_an_offset_beside_the_weight_comes_off_and_the_weight_stays():
+    campaign = upright(-0.27, (0.0, -0.4, -0.9))
+    found, lines = zeroed(campaign)
+    assert len(lines) == 3
+    for before, after in zip(campaign.runs, found.runs, strict=True):
+        gone = before.streams[0].channels[1].samples - after.streams[0].channels[1].samples
+        assert gone == pytest.approx(np.full(N, -0.27), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "campaign",
+    [
+        upright(0.0, (0.0, -0.4, -0.9)),
+        upright(0.0, (0.0, -0.4, -0.9), tilt=0.05),
+        upright(0.0, (0.0, -0.4, -0.9), gain=1.05),
+        upright(-0.27, (-0.9, -0.9)),
+    ],
+    ids=["sound", "tilted", "gain", "one posture"],
+)
+def test_what_may_be_a_share_of_the_weight_stays(campaign):
+    assert zeroed(campaign)[0] is campaign
