@@ -21,6 +21,7 @@ from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     ParameterSpec,
     Values,
+    lasts,
     needs_accelerometer,
     one_start,
 )
@@ -29,6 +30,8 @@ from jointscope.diagnosis.resolution import clips
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
+
+DAMPED = 0.7  # from which damping on a mount amplifies nothing
 
 
 def _tilt(assembly: Assembly, values: Values, weight: float) -> None:
@@ -120,6 +123,13 @@ def _soft_level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 _TIMING = ("delay", "drive-lag", "link-flexibility")
 _FREQUENCY = ParameterSpec("frequency", "Hz", 1.0, 1e5, log=True, null=math.inf)
 
+
+def _rings_or_lags(values: Values) -> bool:
+    """Whether a mount amplifies what is near its resonance, or else delays by more than a recorder leaves open."""
+    frequency, damping = values
+    return damping < DAMPED or lasts((damping / (math.pi * frequency),))
+
+
 SPECS: tuple[EffectSpec, ...] = (
     EffectSpec(
         name="sensor-tilt",
@@ -146,6 +156,7 @@ SPECS: tuple[EffectSpec, ...] = (
         law="w^2/(s^2 + 2 zeta w s + w^2)",
         revealed_by=("hammer", "torque-sweep"),
         look_alikes=_TIMING,
+        sensible=_rings_or_lags,
         apply=_resonance,
         scale=_resonance_sizes,
         starts=lambda problem: ((0.05,), (0.3,)),
@@ -162,6 +173,7 @@ SPECS: tuple[EffectSpec, ...] = (
         law="1/(1 + s/w)",
         revealed_by=("hammer", "torque-sweep"),
         look_alikes=_TIMING,
+        sensible=lambda values: lasts((1.0 / (2.0 * math.pi * values[0]),)),
         apply=_bandwidth,
         scale=_resonance_sizes,
         starts=one_start,
