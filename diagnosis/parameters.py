@@ -98,8 +98,10 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "gravity_moment": gravity_free,
         "efficiency": efficiency_free,
         "torque_scale": scale_free,
-        # nobody knows an uncalibrated channel's zero, nor that of the amplifier that drives a carriage; a log's is off a little
-        "torque_offset": (driven and swung) or any(carries(run) for run in runs),
+        # Nobody knows an uncalibrated channel's zero, nor that of the amplifier that drives a carriage. A calibrated log's is
+        # off a little, as an unknown weight may stand in for.
+        "torque_offset": (driven and swung and not (motor_known and gravity_free))
+        or any(carries(r) for r in runs),
     }
     merged = {} if swung or not springs else {"damping": "damping_total"}
     if merged:
@@ -186,7 +188,9 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
         "gravity_moment": max(abs(b["gravity_moment"]), 2.0 * b["load_inertia"]),
         "efficiency": 1.0,
         "torque_scale": b["torque_scale"],
-        "torque_offset": max(0.01 * largest, 0.01 * carried, 1e-12),
+        "torque_offset": max(
+            largest, carried, 1e-12
+        ),  # of which its difference is taken: friction holds against less
         "drive_gain": b["drive_gain"],
         "drive_integral": max(b["drive_integral"], b["drive_gain"]),
         "drive_acceleration": b["motor_inertia"] + b["load_inertia"],

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.parameters import zero_near
 from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def rigid_start(
     names = ("motor_damping", "load_damping") if moving else ("load_damping",)
     for name in names:
         found[BASE_INDEX[name]] = max(x[1], 0.0) / len(names)
-    if base.free[BASE_INDEX["torque_offset"]]:
+    if base.free[BASE_INDEX["torque_offset"]] and not zero_near(runs):
         found[BASE_INDEX["torque_offset"]] = -x[3]
     if weighing:
         found[BASE_INDEX["gravity_moment"]] = x[4]

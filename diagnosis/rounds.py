@@ -17,6 +17,7 @@ from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.effects.coupled import PLAIN
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
@@ -237,7 +238,9 @@ def explore(
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
-    singles.extend(bends_beside(first.objective, first.base, effort))
+    bends = any(spec.variant == PLAIN.variant for spec in specs)
+    if bends:
+        singles.extend(bends_beside(first.objective, first.base, effort))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
@@ -265,7 +268,8 @@ def explore(
     report("fitting pairs")
     for parent in _parents(arena, effort.beam):
         pairs.extend(extensions(arena.objective, arena.base.fit, parent, laws, screening, effort))
-        pairs.extend(bends_beside(arena.objective, parent, effort))
+        if bends:
+            pairs.extend(bends_beside(arena.objective, parent, effort))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)

@@ -182,8 +182,8 @@ def problem(bench):
 @pytest.fixture(scope="session")
 def truth(problem, plant):
     return problem.theta(
-        stiffness=plant.K, damping=plant.c, load_inertia=plant.J_L, motor_damping=2.0, load_damping=2.0
-    )
+        stiffness=plant.K, damping=plant.c, load_inertia=plant.J_L, motor_damping=2.0, load_damping=2.0, torque_offset=0.0,
+    )  # fmt: skip
 
 
 def recorded_of(problem, share, pickup=0.0, seed=1, effects=()):

@@ -256,6 +256,16 @@ def test_a_soft_middle_lends_the_play_that_leaves_the_same_spring_outside(proble
         assert trial.values[[p.name for p in trial.spec.parameters].index("gap")] == pytest.approx(1.4e-4)
 
 
+def test_a_loop_lends_presliding_friction_the_angle_over_which_it_yields(problem):
+    """T and T/y are the height and the slope of both; the friction lends the loop its stiffness in turn."""
+    loop = ActiveEffect(law(problem, "hysteresis", "dahl"), (0.4, 8e3))
+    bent = law(problem, "coulomb-friction", "presliding", "load")
+    lent = [t.values for t in same_numbers(candidates_for(problem, (bent,)), loop)]
+    assert lent and all(values == pytest.approx((0.4, 5e-5)) for values in lent)
+    back = same_numbers(candidates_for(problem, (loop.spec,)), ActiveEffect(bent, (0.4, 5e-5)))
+    assert back and all(t.values == pytest.approx((0.4, 8e3)) for t in back)
+
+
 def test_nor_where_the_axis_slides(problem):
     """Its transition is a length there."""
     rig = replace(problem.rig, motion="translational")
