@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.effects import friction
-from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Values
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Location, Values
 from jointscope.diagnosis.effects.standstill import (
     PRESLIDING,
     ROUNDING,
@@ -64,7 +64,7 @@ def _presliding_by_load(side: str) -> Apply:
 
 def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, EffectSpec]:
     """Friction in proportion to the transmitted torque that creeps, or is built up elastically."""
-    side = "motor" if sharp.variant == "input-side" else "load"
+    side: Location = "motor" if sharp.variant == "input-side" else "load"
     at_side = replace(sharp, location=side)  # where its speed and its bounds are taken
     creeping = replace(
         sharp,
