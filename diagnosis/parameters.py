@@ -71,6 +71,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     )
     efficiency_free = rig.efficiency is None and driven and motor_known and moving and (load_known or swept)
     scale_free = driven and not motor_known and (load_known or (exact and moving))
+    near_weight = motor_known and gravity_free  # a calibrated zero is off by less than a weight that nobody knows
     start = {
         "stiffness": K,
         "damping": c,
@@ -98,10 +99,8 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "gravity_moment": gravity_free,
         "efficiency": efficiency_free,
         "torque_scale": scale_free,
-        # Nobody knows an uncalibrated channel's zero, nor that of the amplifier that drives a carriage. A calibrated log's is
-        # off a little, as an unknown weight may stand in for.
-        "torque_offset": (driven and swung and not (motor_known and gravity_free))
-        or any(carries(r) for r in runs),
+        # nobody knows an uncalibrated channel's zero, nor that of the amplifier that drives a carriage; a log's is off a little
+        "torque_offset": (driven and swung and not near_weight) or any(carries(run) for run in runs),
     }
     merged = {} if swung or not springs else {"damping": "damping_total"}
     if merged:
@@ -188,9 +187,8 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
         "gravity_moment": max(abs(b["gravity_moment"]), 2.0 * b["load_inertia"]),
         "efficiency": 1.0,
         "torque_scale": b["torque_scale"],
-        "torque_offset": max(
-            largest, carried, 1e-12
-        ),  # of which its difference is taken: friction holds against less
+        # its difference is taken of the whole torque: friction holds against less
+        "torque_offset": max(largest, carried, 1e-12),
         "drive_gain": b["drive_gain"],
         "drive_integral": max(b["drive_integral"], b["drive_gain"]),
         "drive_acceleration": b["motor_inertia"] + b["load_inertia"],

@@ -35,8 +35,7 @@ STARTS = (1.3, 1.8, 2.6, 3.6)  # times the joint's resonance; beyond, a bend mov
 FRACTION = 0.05  # of the outer part's motion that hammer and sensor follow, where a search begins
 NEAREST = 0.05  # of w^2, by which the bend is kept above the joint's resonance
 LIGHTEST = 0.2  # of the base's inertia
-SMALLEST = 2e-3  # the same, of the outer part
-VARIANT = "coupled"
+SMALLEST, MOST = 2e-3, 0.9  # the same, of the outer part
 
 PLAIN = next(spec for spec in MODES if spec.variant == "two-shapes")
 
@@ -55,16 +54,24 @@ def beside_bend(
     square, own = stiffness / inertia, (2.0 * math.pi * frequency) ** 2
     bend = square / max(own - square, NEAREST * own)
     whole = inertia * (1.0 + hit * bend) * (1.0 + sensed * bend) - outer * ((1.0 + bend) ** 2 - 1.0)
-    whole = max(whole, LIGHTEST * inertia, outer / 0.9)
+    whole = max(whole, LIGHTEST * inertia, outer / MOST)
     return square * (whole + outer * bend), whole
+
+
+def uncoupled(
+    stiffness: float, inertia: float, values: Values, plain: EffectSpec
+) -> tuple[float, float, ActiveEffect]:
+    """K, J_L and the law of two shapes that say the same as the coupled law with ``values`` beside K_0 and J_0."""
+    frequency, outer, damping, hit, sensed = values
+    k, whole = beside_bend(stiffness, inertia, frequency, outer, hit, sensed)
+    share = math.sqrt(outer / whole)
+    return k, whole, ActiveEffect(plain, (frequency, outer, damping, hit / share, sensed / share))
 
 
 def _coupled(assembly: Assembly, values: Values, weight: float) -> None:
     P = assembly.P
-    frequency, outer, damping, hit, sensed = values
-    P[kernel.K], P[kernel.J_L] = beside_bend(P[kernel.K], P[kernel.J_L], frequency, outer, hit, sensed)
-    share = math.sqrt(outer / P[kernel.J_L])
-    PLAIN.apply(assembly, (frequency, outer, damping, hit / share, sensed / share), weight)
+    P[kernel.K], P[kernel.J_L], bend = uncoupled(P[kernel.K], P[kernel.J_L], values, PLAIN)
+    PLAIN.apply(assembly, bend.values, weight)
 
 
 def _starts(problem: Problem) -> tuple[Values, ...]:
@@ -74,7 +81,7 @@ def _starts(problem: Problem) -> tuple[Values, ...]:
 def _limits(problem: Problem) -> dict[str, tuple[float, float]]:
     """A part of next to no inertia would be thrown to infinity by the share of a hit that it gets."""
     inertia = float(problem.base.start[BASE_INDEX["load_inertia"]])
-    return {**PLAIN.limits(problem), "inertia": (SMALLEST * inertia, 0.9 * inertia)}
+    return {**PLAIN.limits(problem), "inertia": (SMALLEST * inertia, MOST * inertia)}
 
 
 def _possible(problem: Problem) -> str | None:
@@ -83,7 +90,7 @@ def _possible(problem: Problem) -> str | None:
 
 COUPLED: EffectSpec = replace(
     PLAIN,
-    variant=VARIANT,
+    variant="coupled",
     parameters=(
         *PLAIN.parameters[:3],
         ParameterSpec("hit_fraction", "1", -2.0, 2.0),
@@ -96,13 +103,3 @@ COUPLED: EffectSpec = replace(
     limits=_limits,
     residual_starts=None,
 )
-
-
-def uncoupled(
-    stiffness: float, inertia: float, values: Values, plain: EffectSpec
-) -> tuple[float, float, ActiveEffect]:
-    """K, J_L and the law of two shapes that say the same as the coupled law with ``values`` beside K_0 and J_0."""
-    frequency, outer, damping, hit, sensed = values
-    k, whole = beside_bend(stiffness, inertia, frequency, outer, hit, sensed)
-    share = math.sqrt(max(outer, 1e-12 * whole) / whole)
-    return k, whole, ActiveEffect(plain, (frequency, outer, damping, hit / share, sensed / share))

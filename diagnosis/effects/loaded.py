@@ -62,30 +62,30 @@ def _presliding_by_load(side: str) -> Apply:
     return apply
 
 
-def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, EffectSpec]:
+def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, ...]:
     """Friction in proportion to the transmitted torque that creeps, or is built up elastically."""
     side: Location = "motor" if sharp.variant == "input-side" else "load"
     at_side = replace(sharp, location=side)  # where its speed and its bounds are taken
-    creeping = replace(
-        sharp,
-        variant=f"{sharp.variant}-rounded",
-        parameters=(*sharp.parameters, ROUNDING),
-        law=f"mu |T_S| tanh(w/w_e) against the motion of the {side}",
-        apply=_rounded_by_load(side),
-        starts=roundings(side),
-        limits=rounding_limits(at_side),
-    )
-    bending = replace(
-        sharp,
-        variant=f"{sharp.variant}-presliding",
-        parameters=(*sharp.parameters, PRESLIDING),
-        law=f"mu |T_S| z against the motion of the {side}, dz/dq = (1 - z sgn(w)) / y",
-        apply=_presliding_by_load(side),
-        starts=presliding_angles,
-        possible=elastic(side),
-        limits=presliding_limits(at_side),
-    )
-    return creeping, bending
+    against = f"against the motion of the {side}"
+    creeping = f"mu |T_S| tanh(w/w_e) {against}"
+    bending = f"mu |T_S| z {against}, dz/dq = (1 - z sgn(w)) / y"
+    return tuple(
+        replace(
+            sharp,
+            variant=f"{sharp.variant}-{form}",
+            parameters=(*sharp.parameters, further),
+            law=law,
+            apply=apply,
+            starts=starts,
+            limits=limits(at_side),
+            possible=possible,
+        )
+        for form, further, law, apply, starts, limits, possible in (
+            ("rounded", ROUNDING, creeping, _rounded_by_load(side), roundings(side), rounding_limits, sharp.possible),
+            ("presliding", PRESLIDING, bending, _presliding_by_load(side), presliding_angles, presliding_limits,
+             elastic(side)),
+        )
+    )  # fmt: skip
 
 
 SPECS: tuple[EffectSpec, ...] = tuple(

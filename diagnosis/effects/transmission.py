@@ -1,14 +1,13 @@
-r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, hysteresis, structural damping.
+r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, structural damping.
 
     T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
     T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
-    T_S = K Delta + T z,  z' = (v/D)(1 - [sgn(v z)/2 + 1/2]|z|^nu),  D = T/stiffness   Bouc-Wen, Dahl, Maxwell-slip
     T_S = K (1 + i eta) Delta, by relaxation branches or rate-independently      structural damping
     T_S = K (1 + rate t) Delta                                                   drift
 
 Facts used as tests: the backbone f(A)/f_0 = sqrt(N(A)/K) with the dead zone's describing function N, 1 + 3 k_3 A^2/(8 K)
-for the cubic; a Maxwell-slip or Bouc-Wen loop closes and its area does not depend on the rate.
+for the cubic.
 """
 
 from __future__ import annotations
@@ -19,16 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.effects import hysteresis
 from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
-from jointscope.diagnosis.effects.standstill import SHORT, held
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
-STIFFEST = (
-    3.0  # of K: what gives less by the angle than the joint itself is friction at rest, not a spring's hysteresis
-)
 _BRANCHES = 5
 _SPACING = (
     4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
@@ -61,21 +57,6 @@ def _piecewise_cubic(assembly: Assembly, values: Values, weight: float) -> None:
     _cubic(assembly, values[2:], weight)
 
 
-def _hysteresis(kind: int) -> Apply:
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        torque, stiffness = values[:2]
-        assembly.P[kernel.HYST_TORQUE] = torque
-        assembly.P[kernel.HYST_ANGLE] = max(torque / stiffness, 1e-15)
-        assembly.S[kernel.HYST_KIND] = kind
-
-    return apply
-
-
-def _shaped_loop(assembly: Assembly, values: Values, weight: float) -> None:
-    _hysteresis(kernel.BOUC_WEN_SHAPED)(assembly, values, weight)
-    assembly.P[kernel.HYST_SHAPE] = values[2]
-
-
 def branches(loss_factor: float, stiffness: float, omega: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Relaxation branches whose loss factor is flat about ``omega`` [rad/s].
 
@@ -97,19 +78,6 @@ def _structural_branches(assembly: Assembly, values: Values, weight: float) -> N
     P[kernel.K] -= storage
     S[kernel.AT_BRANCH], S[kernel.N_BRANCH] = S[kernel.N_X], _BRANCHES
     S[kernel.N_X] += _BRANCHES
-
-
-def slip_levels(spread: float) -> tuple[float, ...]:
-    """Slip limits of equal springs side by side, in geometric steps over the ratio ``spread``; their mean is 1."""
-    last = kernel.SLIP_ELEMENTS - 1
-    levels = [spread ** (i / last - 0.5) for i in range(kernel.SLIP_ELEMENTS)]
-    mean = sum(levels) / len(levels)
-    return tuple(level / mean for level in levels)
-
-
-def _spread_loop(assembly: Assembly, values: Values, weight: float) -> None:
-    _hysteresis(kernel.SLIP_SPREAD)(assembly, values[:2], weight)
-    assembly.P[kernel.HYST_LEVEL_0 : kernel.HYST_LEVEL_0 + kernel.SLIP_ELEMENTS] = slip_levels(values[2])
 
 
 def _structural_reid(assembly: Assembly, values: Values, weight: float) -> None:
@@ -159,27 +127,6 @@ def _soft_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {"transition_angle": (1e-3 * a, a)}
 
 
-def _loop_sizes(problem: Problem) -> tuple[float, float, float]:
-    t = problem.scales.torque
-    return 0.005 * t, 0.03 * t, 0.12 * t
-
-
-def _loop_starts(problem: Problem) -> tuple[Values, ...]:
-    torque, a = _loop_sizes(problem)[1], problem.scales.wind_up
-    stiffest = _loop_limits(problem)["stiffness"][1]
-    return tuple((min(torque / (share * a), stiffest),) for share in (0.01, 0.04, 0.12, 0.35, 1.0))
-
-
-def _of_the_spring(problem: Problem, values: Values) -> bool:
-    """Whether it yields over more of the wind-up than dry friction at the arm builds up, which is parallel to a held joint."""
-    return not held(problem) or values[0] >= SHORT * problem.scales.wind_up * values[1]
-
-
-def _loop_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    t, a = problem.scales.torque, problem.scales.wind_up
-    return {"torque": (0.0, 2.0 * t), "stiffness": (1e-4 * t / a, STIFFEST * t / a)}
-
-
 def _not_per_run(problem: Problem) -> str | None:
     reason = needs_spring(problem)
     if reason is None and len(problem.runs) < 4:
@@ -195,7 +142,6 @@ def _is_soft(values: Values) -> bool:
     return values[0] < 0.99 * _SOFTEST
 
 
-WIDEST_SPREAD = 300.0  # of the last slip over the first; beyond, the first elements only add to the spring or to c
 _HITS = ("hammer", "torque-sweep")
 _SPRING = ("stiffness-nonlinearity", "backlash", "hysteresis")
 
@@ -282,77 +228,7 @@ SPECS: tuple[EffectSpec, ...] = (
         possible=needs_spring,
         limits=_soft_limits,
     ),
-    *(
-        EffectSpec(
-            name="hysteresis",
-            location="transmission",
-            variant=variant,
-            family="hysteretic",
-            parameters=(
-                ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0),
-                ParameterSpec("stiffness", "N m/rad", 1e-6, 1e15, log=True),
-            ),
-            law="K Delta + T z(Delta), initial slope K + stiffness",
-            revealed_by=_HITS,
-            look_alikes=("coulomb-friction", "structural-damping", "stiffness-nonlinearity"),
-            apply=_hysteresis(kind),
-            scale=_loop_sizes,
-            starts=_loop_starts,
-            possible=needs_spring,
-            limits=_loop_limits,
-            sensible_at=_of_the_spring,
-            decades=2 if variant in ("bouc-wen", "dahl") else 0,
-            proportional=(1,),
-        )
-        for variant, kind in (
-            ("bouc-wen", kernel.BOUC_WEN),
-            ("maxwell-slip", kernel.MAXWELL_SLIP),
-            ("dahl", kernel.DAHL),
-            ("elastic-slip", kernel.ELASTIC_SLIP),
-        )
-    ),
-    EffectSpec(
-        name="hysteresis",
-        location="transmission",
-        variant="bouc-wen-shaped",
-        family="hysteretic",
-        parameters=(
-            ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0),
-            ParameterSpec("stiffness", "N m/rad", 1e-6, 1e15, log=True),
-            ParameterSpec("shape", "1", -2.0, 1.0),
-        ),
-        law="K Delta + T z(Delta), z' = 1 - |z| (sgn(z Delta') + shape): loops that stiffen (below -1) or yield",
-        revealed_by=_HITS,
-        look_alikes=("coulomb-friction", "structural-damping", "stiffness-nonlinearity"),
-        apply=_shaped_loop,
-        scale=_loop_sizes,
-        starts=lambda problem: tuple((*loop, -1.4) for loop in _loop_starts(problem)),
-        possible=needs_spring,
-        limits=_loop_limits,
-        sensible_at=_of_the_spring,
-        proportional=(1,),
-    ),
-    EffectSpec(
-        name="hysteresis",
-        location="transmission",
-        variant="slip-spread",
-        family="hysteretic",
-        parameters=(
-            ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0),
-            ParameterSpec("stiffness", "N m/rad", 1e-6, 1e15, log=True),
-            ParameterSpec("spread", "1", 1.0, WIDEST_SPREAD, log=True),
-        ),
-        law="K Delta + T z(Delta): eight equal springs that slip one after the other, the last at spread times the first",
-        revealed_by=_HITS,
-        look_alikes=("coulomb-friction", "structural-damping", "stiffness-nonlinearity"),
-        apply=_spread_loop,
-        scale=_loop_sizes,
-        starts=lambda problem: tuple((*loop, 10.0) for loop in _loop_starts(problem)[1:4]),
-        possible=needs_spring,
-        limits=_loop_limits,
-        sensible_at=_of_the_spring,
-        proportional=(1,),
-    ),
+    *hysteresis.SPECS,
     *(
         EffectSpec(
             name="structural-damping",

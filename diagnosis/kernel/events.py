@@ -24,13 +24,9 @@ def remember(P: Real, S: NDArray[np.int64], mem: Real, delta: float) -> None:
     """Move the hysteresis memory to wind-up ``delta``."""
     travel = delta - mem[0]
     if S[HYST_KIND] == MAXWELL_SLIP:
-        for i in range(4):
-            limit = 0.4 * (i + 1)
-            mem[1 + i] = min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
-    elif S[HYST_KIND] == SLIP_SPREAD:
         for i in range(SLIP_ELEMENTS):
-            limit = P[HYST_LEVEL_0 + i]
-            mem[10 + i] = min(max(mem[10 + i] + travel / P[HYST_ANGLE], -limit), limit)
+            limit, j = P[HYST_LEVEL_0 + i], MEM_SLIP + i
+            mem[j] = min(max(mem[j] + travel / P[HYST_ANGLE], -limit), limit)
     else:
         mem[1] = hysteresis(mem[1], travel, P[HYST_ANGLE], S[HYST_KIND], P[HYST_SHAPE])
     mem[0] = delta

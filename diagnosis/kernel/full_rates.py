@@ -16,7 +16,7 @@ from jointscope.diagnosis.kernel.laws import (
     friction,
     hysteresis,
     rounded,
-    spread,
+    slipping,
     tabled,
     with_table,
 )
@@ -68,13 +68,7 @@ def _rates_source(
     if kind != 0:
         travel = delta - mem[0]
         if kind == MAXWELL_SLIP:
-            total = 0.0
-            for i in range(4):
-                limit = 0.4 * (i + 1)
-                total += min(max(mem[1 + i] + travel / P[HYST_ANGLE], -limit), limit)
-            T += P[HYST_TORQUE] * 0.25 * total
-        elif kind == SLIP_SPREAD:
-            T += P[HYST_TORQUE] * spread(mem, travel, P)
+            T += P[HYST_TORQUE] * slipping(mem, travel, P)
         else:
             T += P[HYST_TORQUE] * hysteresis(mem[1], travel, P[HYST_ANGLE], kind, P[HYST_SHAPE])
     for i in range(S[N_BRANCH]):

@@ -59,12 +59,12 @@ def hysteresis(z: float, d: float, y: float, kind: int, shape: float) -> float:
 
 
 @compiled
-def spread(mem: Real, d: float, P: Real) -> float:
-    """Mean of the slipping elements' torques after a travel ``d``, each an elastic spring of the same stiffness."""
+def slipping(mem: Real, d: float, P: Real) -> float:
+    """Mean of equal springs' torques after a travel ``d``, each of which slips at its own limit (Maxwell-slip)."""
     share, total = d / P[HYST_ANGLE], 0.0
     for i in range(SLIP_ELEMENTS):
         limit = P[HYST_LEVEL_0 + i]
-        total += min(max(mem[10 + i] + share, -limit), limit)
+        total += min(max(mem[MEM_SLIP + i] + share, -limit), limit)
     return total / SLIP_ELEMENTS
 
 

@@ -56,7 +56,10 @@ PRE_DAMPING = 131  # LuGre's sigma_1 over PRE_TORQUE [s/rad]
 PRE_BRITTLE = 132  # 1 less Dahl's exponent: 0 is an exponential approach, towards 1 a spring that slips
 PRE_LOAD = 133  # presliding friction per transmitted torque [-], beside PRE_TORQUE
 ROUND_M_LOAD, ROUND_L_LOAD = 134, 135  # the same of rounded friction
-HYST_LEVEL_0, SLIP_ELEMENTS = 136, 8  # slip limits of parallel elements, each over HYST_ANGLE; their mean is 1
+HYST_LEVEL_0, SLIP_ELEMENTS = (
+    136,
+    8,
+)  # Maxwell-slip: limits of equal springs, each over HYST_ANGLE; their mean is 1
 PRE_EXPONENT = 144  # 1 where the breakaway falls as exp(-v/PRE_SPEED), else as exp(-(v/PRE_SPEED)^2)
 N_P = 145
 
@@ -67,7 +70,7 @@ TABLE_SITE, TABLE_OF = 14, 15
 PRE_SITE = 16
 N_S = 17
 MOTOR_FREE, MOTOR_HELD, MOTOR_PRESCRIBED = 0, 1, 2
-DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP, BOUC_WEN_SHAPED, SLIP_SPREAD = 1, 2, 3, 4, 5, 6
+DAHL, BOUC_WEN, MAXWELL_SLIP, ELASTIC_SLIP, BOUC_WEN_SHAPED = 1, 2, 3, 4, 5
 AT_MOTOR, AT_LOAD, AT_TRANSMISSION = 1, 2, 3  # TABLE_SITE
 OF_SPEED, OF_ANGLE, OF_WIND_UP, OF_WIND_UP_RATE, OF_TURN = 0, 1, 2, 3, 4  # TABLE_OF; of turn: a stiffness
 
@@ -78,5 +81,6 @@ N_OUT = 11
 
 # --- of the steppers ----------------------------------------------------------------------------------------------
 N_AUX = 17  # diagnostics of one evaluation
-N_MEM = 18  # wind-up, four elements or one loop, weight's angle (3), bristles (2), eight elements
+MEM_SLIP = 10  # of the memory: first of the slipping springs
+N_MEM = MEM_SLIP + SLIP_ELEMENTS  # before them the wind-up, a loop, weight's angle from 5 on, bristles from 8 on
 MAX_EVENTS = 12  # pieces into which dry friction may cut one step

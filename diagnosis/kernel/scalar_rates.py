@@ -14,7 +14,7 @@ from jointscope.diagnosis.kernel.laws import (
     friction,
     hysteresis,
     rounded,
-    spread,
+    slipping,
     tabled,
     with_table,
 )
@@ -61,12 +61,7 @@ def _scalar_rates_source(
             T += P[REID] * k * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)
         kind = S[HYST_KIND]
         if kind == MAXWELL_SLIP:
-            share = (delta - mem[0]) / P[HYST_ANGLE]
-            total = min(max(mem[1] + share, -0.4), 0.4) + min(max(mem[2] + share, -0.8), 0.8)
-            total += min(max(mem[3] + share, -1.2), 1.2) + min(max(mem[4] + share, -1.6), 1.6)
-            T += P[HYST_TORQUE] * 0.25 * total
-        elif kind == SLIP_SPREAD:
-            T += P[HYST_TORQUE] * spread(mem, delta - mem[0], P)
+            T += P[HYST_TORQUE] * slipping(mem, delta - mem[0], P)
         elif kind != 0:
             T += P[HYST_TORQUE] * hysteresis(mem[1], delta - mem[0], P[HYST_ANGLE], kind, P[HYST_SHAPE])
         if S[TABLE_SITE] == AT_TRANSMISSION:

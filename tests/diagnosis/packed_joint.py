@@ -18,6 +18,7 @@ def packed(**numbers):
                     STOP_SIDE=1.0, LOOP_LIMIT=1e300)  # fmt: skip
     S[[k.AT_LINK, k.AT_NEAR, k.AT_BASE, k.AT_BRANCH, k.AT_LOOP]] = -1
     S[k.N_X], S[k.MOTOR] = 4, k.MOTOR_HELD
+    P[k.HYST_LEVEL_0 : k.HYST_LEVEL_0 + k.SLIP_ELEMENTS] = (0.4, 0.4, 0.8, 0.8, 1.2, 1.2, 1.6, 1.6)
     for name, value in {**defaults, **KW, **numbers}.items():
         if hasattr(k, name) and name in ("MOTOR", "HYST_KIND", "FRICTION_M", "FRICTION_L", "N_TE", "N_RIPPLE",
                                          "LOAD_PRESCRIBED", "N_BRANCH", "PRE_SITE"):  # fmt: skip

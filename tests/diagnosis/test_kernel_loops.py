@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
-from jointscope.diagnosis.effects.transmission import slip_levels
+from jointscope.diagnosis.effects.hysteresis import slip_levels
 from jointscope.diagnosis.kernel import laws as k_laws
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -46,7 +46,7 @@ def loop(P, S, amplitude, rate=8192.0):
 @pytest.mark.parametrize("spread", [1.0, 4.0, 30.0])
 def test_slipping_springs_lose_what_each_of_them_slips(spread):
     """Each spring k/8 with the limit Y loses 4 (k/8) Y (A - Y) a turn once A > Y, and nothing below."""
-    P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-4, HYST_KIND=k.SLIP_SPREAD, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12)
+    P, S = packed(HYST_TORQUE=10.0, HYST_ANGLE=1e-4, HYST_KIND=k.MAXWELL_SLIP, MOTOR=k.MOTOR_PRESCRIBED, J_L=1e12)
     levels = np.array(slip_levels(spread))
     assert np.mean(levels) == pytest.approx(1.0) and levels[-1] / levels[0] == pytest.approx(spread)
     P[k.HYST_LEVEL_0 : k.HYST_LEVEL_0 + k.SLIP_ELEMENTS] = levels

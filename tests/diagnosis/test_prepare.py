@@ -52,24 +52,6 @@ def test_starts_are_near_the_truth_though_the_nameplate_is_not(problem, plant):
     }  # fmt: skip
 
 
-def test_the_zero_of_a_calibrated_log_is_off_by_a_little_at_most(bench, edited, problem, truth):
-    """A constant on the log is the base's own torque offset; more than its bound of 3 % is no instrument's."""
-    off = 0.01 * max(float(np.max(np.abs(run.motor.samples))) for run in problem.runs if run.motor is not None)
-
-    def shift(c):
-        return replace(c, samples=c.samples + off / problem.rig.reduction_ratio) if c.quantity == "torque" else c
-
-    moved = prepare(replace(bench, runs=tuple(edited(run, shift) for run in bench.runs)))
-    where = problem.base.names.index("torque_offset")
-    theta = truth.copy()
-    theta[where] = -off
-    for (key, error), (_, sound) in zip(errors(moved, theta).items(), errors(problem, truth).items(), strict=True):
-        assert error == pytest.approx(sound, abs=2e-3), key
-    largest = max(float(np.max(np.abs(run.motor_half))) for run in problem.runs if run.motor is not None)
-    assert problem.base.upper[where] == pytest.approx(0.03 * largest, rel=0.01)
-    assert problem.base.lower[where] == -problem.base.upper[where]
-
-
 @pytest.mark.parametrize("factor", [0.3, 3.0])
 def test_starts_survive_references_off_by_a_factor_of_three(bench, builders, plant, factor):
     rig = dataclasses.replace(

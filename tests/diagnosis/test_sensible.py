@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from jointscope.diagnosis.effects import at_rig, catalogue
+from jointscope.diagnosis.effects.hysteresis import SPECS as HYSTERESIS
 from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
-from jointscope.diagnosis.effects.transmission import SPECS as TRANSMISSION
 
 
 @pytest.mark.parametrize("variant", ["piecewise", "piecewise-cubic"])
@@ -46,7 +46,7 @@ def test_a_hysteresis_without_width_on_a_held_joint_is_friction(problem):
     held = replace(problem, runs=tuple(replace(run, mode="braked") for run in problem.runs))
     moved = replace(problem, runs=tuple(replace(run, mode="observer") for run in problem.runs))
     for variant in ("dahl", "maxwell-slip"):
-        spec = next(s for s in TRANSMISSION if s.variant == variant)
+        spec = next(s for s in HYSTERESIS if s.variant == variant)
         thin, wide = (1.0, 1.0 / (0.01 * wind_up)), (1.0, 1.0 / (0.06 * wind_up))
         assert at_rig(spec, held).sensible(wide) and not at_rig(spec, held).sensible(thin)
         assert at_rig(spec, moved).sensible(thin)
