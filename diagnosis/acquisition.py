@@ -53,6 +53,9 @@ def driven_torque(assembly: Assembly) -> Vector:
         torque = shifted(run.motor.signal, run, chain)
     else:
         torque = run.motor_half
+    age = assembly.base("torque_age")
+    if age != 0.0:
+        torque = aged(torque, age * 2.0 * run.grid_rate)
     if math.isfinite(chain.log_rate):
         rates = 2.0 * run.grid_rate, run.motor.signal.rate, chain.log_rate
         torque = relogged(torque, *rates, chain.log_kind, chain.log_age)
@@ -65,6 +68,14 @@ def driven_torque(assembly: Assembly) -> Vector:
     if offset != 0.0:
         torque = torque + offset
     return torque if factor == 1.0 else torque * factor
+
+
+def aged(u: Vector, steps: float) -> Vector:
+    """``u`` later by a part of a step, by the parabola through three neighbours; it stays at its ends; shape of ``u``."""
+    later = u.copy()
+    before, here, after = u[:-2], u[1:-1], u[2:]
+    later[1:-1] += 0.5 * steps * (before - after) + 0.5 * steps * steps * (before - 2.0 * here + after)
+    return later
 
 
 def lagged(u: Vector, time_constant: float, rate: float) -> Vector:

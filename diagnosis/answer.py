@@ -46,12 +46,12 @@ REFERENCES = {
 ROTATIONAL = {
     "stiffness": "N m/rad", "damping": "N m s/rad", "load_inertia": "kg m^2", "motor_inertia": "kg m^2",
     "motor_damping": "N m s/rad", "load_damping": "N m s/rad", "gravity_moment": "N m", "efficiency": "1",
-    "torque_scale": "1", "torque_offset": "N m", "drive_gain": "N m s/rad", "drive_integral": "N m/rad",
+    "torque_scale": "1", "torque_offset": "N m", "torque_age": "s", "drive_gain": "N m s/rad", "drive_integral": "N m/rad",
 }  # fmt: skip
 TRANSLATIONAL = {
     "stiffness": "N/m", "damping": "N s/m", "load_inertia": "kg", "motor_inertia": "kg", "motor_damping": "N s/m",
     "load_damping": "N s/m", "gravity_moment": "N", "efficiency": "1", "torque_scale": "1", "drive_gain": "N s/m",
-    "drive_integral": "N/m", "torque_offset": "N",
+    "drive_integral": "N/m", "torque_offset": "N", "torque_age": "s",
 }  # fmt: skip
 FORETELLING = 6  # sets of the ranking, beside the base, whose held-out errors are stated
 SHIFTED = 3.0  # sigma beyond which a rough value is said to have been off

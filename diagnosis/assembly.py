@@ -30,6 +30,7 @@ BASE_NAMES = (
     "efficiency",
     "torque_scale",
     "torque_offset",
+    "torque_age",
     "drive_gain",
     "drive_integral",
     "drive_acceleration",
@@ -242,15 +243,35 @@ def close_loop(assembly: Assembly) -> None:
         P[kernel.LOOP_LIMIT] = factor * assembly.base("drive_limit")
 
 
-def initial_state(assembly: Assembly, first_torque: float) -> Vector:
-    """The state at rest, in equilibrium at the run's arm angle, shape (S[N_X],)."""
-    P, S, run = assembly.P, assembly.S, assembly.run
-    x = np.zeros(int(S[kernel.N_X]))
-    q0 = run.initial_angle
+def held_weight(assembly: Assembly) -> float:
+    """Torque on the transmission where the run begins at rest [N m]."""
+    P, S, q0 = assembly.P, assembly.S, assembly.run.initial_angle
     weight = P[kernel.G_COS] * math.cos(q0) - P[kernel.G_SIN] * math.sin(q0) + P[kernel.G_CONST]
     if S[kernel.TABLE_SITE] == kernel.AT_LOAD:
         weight -= kernel.tabled(P, q0 if S[kernel.TABLE_OF] == kernel.OF_ANGLE else 0.0)
+    return float(weight)
+
+
+def rests(assembly: Assembly) -> tuple[float | None, ...]:
+    """Places in the play [rad of wind-up] where the run may begin; ``None`` is where the model puts it.
+
+    What no weight holds against a flank stays where it was left: on either flank, or between them.
+    """
+    P, run = assembly.P, assembly.run
+    if P[kernel.GAP_HALF] == 0.0 or not run.spring or run.run.initial != "rest" or held_weight(assembly) != 0.0:
+        return (None,)
+    return (None, P[kernel.GAP_CENTRE] - P[kernel.GAP_HALF], P[kernel.GAP_CENTRE] + P[kernel.GAP_HALF])
+
+
+def initial_state(assembly: Assembly, first_torque: float, rest: float | None = None) -> Vector:
+    """The state at rest, in equilibrium at the run's arm angle, shape (S[N_X],); the wind-up is ``rest`` where it is given."""
+    P, S, run = assembly.P, assembly.S, assembly.run
+    x = np.zeros(int(S[kernel.N_X]))
+    q0 = run.initial_angle
+    weight = held_weight(assembly)
     twist = _twist(P, S, weight) if run.spring else 0.0
+    if rest is not None:
+        twist = rest
     x[0] = q0 + twist if run.spring else q0
     for _ in range(8):  # the error depends on the motor's own angle: contracts by a order n << 1
         error = 0.0

@@ -25,6 +25,7 @@ Vector = NDArray[np.float64]
 # (1.5 % at 1e-4) takes that direction for known.
 BASE_STEP = 1e-6  # finite-difference step, relative to a base parameter's scale
 EFFECT_STEP = 1e-3  # the same for effects, whose laws have corners
+LIMITED = 0.1  # of its scale, within which a nuisance is small or none
 SMALL = 0.3  # of its typical size, below which an effect's step goes with its amplitude ...
 SMALLEST = 1e-5  # ... down to this share
 
@@ -42,6 +43,8 @@ class Coordinates:
         lower: Bounds in coordinates, shape (n,).
         upper: Likewise.
         step: Finite-difference steps in coordinates, shape (n,).
+        held: Positions of nuisances for which one of the effects stands: they stay at their start.
+        limited: Positions of nuisances that are small or none.
         amplitudes: Which coordinates are sizes of effects that vanish at zero, shape (n,).
     """
 
@@ -54,6 +57,8 @@ class Coordinates:
     upper: Vector
     step: Vector
     amplitudes: NDArray[np.bool_]
+    held: tuple[int, ...] = ()
+    limited: tuple[int, ...] = ()
 
     @property
     def n_base(self) -> int:
@@ -132,6 +137,10 @@ def coordinates(problem: Problem, effects: tuple[EffectSpec, ...] = ()) -> Coord
     step = [BASE_STEP] * len(free)
     logarithm = [False] * len(free)
     amplitudes = [False] * len(free)
+    holds = {name for spec in effects for name in spec.holds}
+    held = tuple(k for k, i in enumerate(free) if base.names[i] in holds)
+    for k in held:
+        lower[k] = upper[k] = base.start[free[k]] / scale[k]
     for spec in effects:
         for position, parameter in enumerate(spec.parameters):
             size = typical_size(spec, position, problem)
@@ -158,4 +167,10 @@ def coordinates(problem: Problem, effects: tuple[EffectSpec, ...] = ()) -> Coord
         upper=np.asarray(upper, float),
         step=np.asarray(step, float),
         amplitudes=np.asarray(amplitudes, bool),
+        held=held,
+        limited=tuple(
+            k
+            for k, i in enumerate(free)
+            if base.nuisance[i] and base.upper[i] - base.lower[i] < LIMITED * base.scale[i]
+        ),
     )

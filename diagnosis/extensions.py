@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.candidates import residuals_of, where_shown
-from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.refit import Fit, unspent
 from jointscope.diagnosis.screen import Trial, best_per_spec, one_sided, refined, screen, tangent
 from jointscope.diagnosis.search import (
     Effort,
@@ -81,7 +81,7 @@ def _alternatives(
     fit, taken = parent.fit, parent.names
     w = before.objective.residual(fit.x, fit.coordinates)
     few, rows = objective.restricted(before.positions), objective.rows(before.positions)
-    then = tangent(w, _converted(fit.jacobian[rows], few, before.objective))
+    then = tangent(w, _converted(unspent(fit)[rows], few, before.objective))
     directions = np.stack([t.direction for t in before.trials])  # of unit length, as the basis is
     basis = directions @ then.basis.astype(np.float32)
     size = 1.0 - np.einsum("ij,ij->i", basis, basis).astype(float)
@@ -99,7 +99,7 @@ def _alternatives(
         laws[name] += 1
         if len(chosen) == effort.refine:
             break
-    left, columns = fit.w[rows], fit.jacobian[rows]
+    left, columns = fit.w[rows], unspent(fit)[rows]
     admitted_new = [active for active in new if _admitted(active.spec, taken)]
     further = best_per_spec(screen(few, fit, tangent(left, columns), left, admitted_new))
     return [*chosen.values(), *(t.active for t in further[: effort.refine])]
@@ -107,7 +107,7 @@ def _alternatives(
 
 def _scored(objective: Objective, parent: Fit, tried: Sequence[ActiveEffect], effort: Effort) -> list[Trial]:
     """Score on top of a fitted set over all runs of ``objective``; the leading ones at their own amplitude."""
-    parents = tangent(parent.w, parent.jacobian)
+    parents = tangent(parent.w, unspent(parent))
     trials = best_per_spec(screen(objective, parent, parents, parent.w, tried))
     return refined(objective, parent, parents, parent.w, trials[: effort.refine // 2])
 

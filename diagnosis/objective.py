@@ -122,9 +122,10 @@ class Objective:
         return np.concatenate(self.of_runs(lambda i: self.run_residual(i, theta, effects)))
 
     def columns(self, x: Vector, where: Coordinates, w: Vector, which: Sequence[int]) -> NDArray[np.float64]:
-        """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which))."""
+        """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which)); 0 for what is held."""
         moved = []
-        for j in which:
+        kept = [k for k, j in enumerate(which) if j not in where.held]
+        for j in (which[k] for k in kept):
             step = where.difference(x, j)
             shifted = x.copy()
             shifted[j] += step
@@ -133,11 +134,11 @@ class Objective:
         result = np.zeros((len(w), len(which)))
 
         def fill(task: tuple[int, int]) -> None:
-            k, i = task
-            step, theta, effects = moved[k]
-            result[slices[i], k] = (self.run_residual(i, theta, effects) - w[slices[i]]) / step
+            at, i = task
+            step, theta, effects = moved[at]
+            result[slices[i], kept[at]] = (self.run_residual(i, theta, effects) - w[slices[i]]) / step
 
-        self.map(fill, [(k, i) for i in self._longest_first for k in range(len(which))])
+        self.map(fill, [(k, i) for i in self._longest_first for k in range(len(kept))])
         return result
 
     def restricted(self, positions: Sequence[int]) -> Objective:

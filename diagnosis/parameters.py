@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate beyond which a start that no hit gave is not believed
 ZERO_OFF = 0.03  # of the largest logged torque, by which the zero of a calibrated log may be off
+AGE = 2e-5  # s by which a torque may act beside its log's clock: a multiplexed converter reads its channels so far apart
 OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
 
 
@@ -83,6 +84,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "efficiency": rig.efficiency or 1.0,
         "torque_scale": 1.0,
         "torque_offset": 0.0,
+        "torque_age": 0.0,
         "drive_gain": (J_M + J_L) * 60.0,
         "drive_integral": (J_M + J_L) * 60.0 * 6.0,
         "drive_acceleration": 0.0,
@@ -101,6 +103,8 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "torque_scale": scale_free,
         # nobody knows an uncalibrated channel's zero, nor that of the amplifier that drives a carriage; a log's is off a little
         "torque_offset": (driven and swung and not near_weight) or any(carries(run) for run in runs),
+        # nobody samples, holds and stamps to the last microsecond
+        "torque_age": any(run.motor is not None and run.motor_moves for run in runs),
     }
     merged = {} if swung or not springs else {"damping": "damping_total"}
     if merged:
@@ -189,6 +193,7 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
         "torque_scale": b["torque_scale"],
         # its difference is taken of the whole torque: friction holds against less
         "torque_offset": max(largest, carried, 1e-12),
+        "torque_age": 1e-3,
         "drive_gain": b["drive_gain"],
         "drive_integral": max(b["drive_integral"], b["drive_gain"]),
         "drive_acceleration": b["motor_inertia"] + b["load_inertia"],
@@ -210,6 +215,7 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     for name in ("gravity_moment", "torque_offset"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = -1e3 * scales[i], 1e3 * scales[i]
+    lower[BASE_INDEX["torque_age"]], upper[BASE_INDEX["torque_age"]] = -AGE, AGE
     if zero_near(runs):
         lower[i], upper[i] = -ZERO_OFF * largest, ZERO_OFF * largest
     return replace(base, scale=scales, lower=lower, upper=upper)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.acquisition import driven_torque, load_input, shifted
-from jointscope.diagnosis.assembly import Assembly, assemble, initial_state, observer_corner
+from jointscope.diagnosis.assembly import Assembly, assemble, initial_state, observer_corner, rests
 from jointscope.diagnosis.channels import observe
 from jointscope.diagnosis.vibration import disturbance
 from jointscope.recordings.drift import FOLLOWING, drift_corner, drift_free
@@ -36,12 +37,31 @@ def predict_outputs(
     Returns:
         One array per output, of the shape of its ``data``; not finite where the simulation diverged.
     """
+    places = rests(build(run, theta, effects, problem))
+    if len(places) == 1:
+        return _from_rest(run, theta, effects, problem, None)
+    return min((_from_rest(run, theta, effects, problem, place) for place in places), key=partial(_missed, run))
+
+
+def _from_rest(
+    run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem, rest: float | None
+) -> tuple[Vector, ...]:
     assembly = build(run, theta, effects, problem)
-    states = integrate(assembly)
+    states = integrate(assembly, rest)
     predicted = [_zeroed(observe(states, assembly, run, output), output) for output in run.outputs]
     if assembly.chain.vibration[1] != 0.0:
         predicted = disturbance(assembly, run, predicted)
     return tuple(predicted)
+
+
+def _missed(run: PreparedRun, predicted: tuple[Vector, ...]) -> float:
+    """Sum over outputs of the logarithm of their squared error, infinite where one is not finite."""
+    squares = [
+        float(np.mean(np.square((o.data - y)[o.mask])))
+        for o, y in zip(run.outputs, predicted, strict=True)
+        if o.mask.any()
+    ]
+    return sum(math.log(s + 1e-300) if math.isfinite(s) else math.inf for s in squares)
 
 
 def _zeroed(y: Vector, output: Output) -> Vector:
@@ -82,8 +102,8 @@ def build(
     return assembly
 
 
-def integrate(assembly: Assembly) -> Vector:
-    """The kernel's rows on the run's grid, shape (steps + 1, kernel.N_OUT)."""
+def integrate(assembly: Assembly, rest: float | None = None) -> Vector:
+    """The kernel's rows on the run's grid, shape (steps + 1, kernel.N_OUT); from ``rest`` in the play where it is given."""
     run, P, S = assembly.run, assembly.P, assembly.S
     motor = driven_torque(assembly)
     load = load_input(assembly)
@@ -91,7 +111,7 @@ def integrate(assembly: Assembly) -> Vector:
         motor = run.motor_half  # the prescribed acceleration
     elif not run.motor_moves and run.motor is not None:
         load = load + motor  # a rigid axis: the motor acts on the one inertia
-    x = initial_state(assembly, float(motor[0]))
+    x = initial_state(assembly, float(motor[0]), rest)
     observed, command, chain = run.observed_half, run.command_half, assembly.chain
     if run.command is not None and run.late_command and (chain.delay != 0.0 or chain.clock != 0.0):
         command = shifted(run.command.signal, run, chain)

@@ -216,6 +216,7 @@ def least_squares(
     x = np.clip(x, where.lower, where.upper)
     w = objective.residual(x, where)
     known = np.zeros((len(w), where.n)) if jacobian is None else jacobian.copy()
+    known[:, list(where.held)] = 0.0
     state = _Search(objective, where, x, w, known, 1, False, False)
     if jacobian is None:
         state.refresh(range(where.n))
@@ -259,6 +260,18 @@ def with_fresh_jacobian(objective: Objective, fit: Fit) -> Fit:
     return Fit(
         fit.coordinates, fit.x, w, jacobian, ratio, fit.converged, True, fit.simulations + 1 + fit.coordinates.n
     )
+
+
+def unspent(fit: Fit) -> Matrix:
+    """The Jacobian with nothing in the columns of limited nuisances that stand at a bound: they give no more, shape (n, n_x)."""
+    where = fit.coordinates
+    at_bound = (fit.x <= where.lower + 1e-12) | (fit.x >= where.upper - 1e-12)
+    spent = [k for k in where.limited if at_bound[k]]
+    if not spent:
+        return fit.jacobian
+    left = fit.jacobian.copy()
+    left[:, spent] = 0.0
+    return left
 
 
 def covariance(fit: Fit, overdispersion: float = 1.0) -> Matrix:

@@ -19,7 +19,7 @@ from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.friction import falling_about
 from jointscope.diagnosis.effects.periodic import PHASES, slower_lines
-from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.refit import Fit, unspent
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
     CONTAINED,
@@ -344,7 +344,7 @@ def _telling(objective: Objective, parent: Fit, trials: Sequence[ActiveEffect]) 
 
     A law that stiffens the joint is far from the data before the stiffness has followed.
     """
-    parents = tangent(parent.w, parent.jacobian)
+    parents = tangent(parent.w, unspent(parent))
     best = best_per_spec(screen(objective, parent, parents, parents.w, trials))
     taken = refined(objective, parent, parents, parents.w, best)
     theta, effects = parent.coordinates.unpack(parent.x)

@@ -29,6 +29,7 @@ from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances
+from jointscope.diagnosis.ring_downs import ring_downs
 from jointscope.diagnosis.rivals import BEHIND, contained, grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
@@ -49,7 +50,8 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
-
+BEYOND = 2  # leading single effects that are started from beyond themselves
+PLAY = "backlash@transmission"
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
@@ -246,6 +248,8 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(_uncoupled(arena), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
+    if any(PLAY in h.names for h in arena.hypotheses[:BEYOND]):
+        further.extend(ring_downs(arena.objective, arena.base.fit, first.noise, specs))
     if further:
         arena = settled(arena, further, effort)
     known = _losses(arena)

@@ -18,7 +18,7 @@ from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.noise import Key, block_key
 from jointscope.diagnosis.objective import Objective
-from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.refit import Fit, least_squares, unspent
 from jointscope.diagnosis.screen import (
     Trial,
     best_per_spec,
@@ -227,9 +227,9 @@ def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffe
     )
     positions = tuple(i for i, run in enumerate(objective.runs) if run in chosen)
     few, rows = objective.restricted(positions), objective.rows(positions)
-    parents_few = tangent(parent.w[rows], parent.jacobian[rows])
+    parents_few = tangent(parent.w[rows], unspent(parent)[rows])
     trials = screen(few, parent, parents_few, parent.w[rows], candidates)
-    parents = tangent(parent.w, parent.jacobian)
+    parents = tangent(parent.w, unspent(parent))
     best = [t.active for t in best_per_spec(trials)[: effort.refine]]
     again = best_per_spec(screen(objective, parent, parents, parent.w, best))
     leading = refined(objective, parent, parents, parent.w, again)

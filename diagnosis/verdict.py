@@ -352,14 +352,14 @@ def _shared(ranking: Sequence[Ranked], near: Sequence[Ranked]) -> Ranked | None:
 def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) -> Decision:
     """The answer in view of a force without a name.
 
-    Where that force carries over it is the model that is handed on; where nothing was found and it stands beyond doubt,
-    something is there that no candidate explains.
+    Where that force carries over it is the model that is handed on; where nothing was found and it stands beyond doubt
+    and matters, something is there that no candidate explains.
     """
     against = compare(judgement, decision.chosen, table)
     if math.isnan(against.held_gain) or not (against.stands or against.evident):
         return decision
     if decision.verdict == "none":
-        if against.gain < UNNAMED:
+        if against.gain < UNNAMED or against.material < MATERIAL:
             return decision
         sure = _beyond(against.gain / UNNAMED)
         return replace(

@@ -150,6 +150,8 @@ def yard_of(judgement: Judgement, judged: Judged) -> Yard:
     w = few.residual(fit.x, fit.coordinates)
     rows = np.concatenate([np.full(p.stop - p.start, s) for p, s in zip(few.slices, fitted.weights, strict=True)])
     jacobian = few.columns(fit.x, fit.coordinates, w, range(fit.coordinates.n)) * rows[:, None]
+    beyond = jacobian.copy()
+    beyond[:, list(fit.coordinates.limited)] = 0.0  # what the refit takes by them is within their bounds already
     parents = len(judged.names)
     needed = share_needed(parents, exact=all(spec.exact for spec in judged.hypothesis.specs))
     missed = {}
@@ -166,7 +168,7 @@ def yard_of(judgement: Judgement, judged: Judged) -> Yard:
         held,
         judged,
         jacobian,
-        tangent(w * rows, jacobian),
+        tangent(w * rows, beyond),
         asked,
         samples,
         missed,

@@ -79,6 +79,7 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=apply,
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=one_start,
+            holds=("torque_age",),
             sensible=lasts,
             possible=_lag_possible,
         )

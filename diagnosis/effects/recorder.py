@@ -126,15 +126,17 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=apply,
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=one_start,
+            holds=holds,
             sensible=lasts,
             possible=possible,
         )
-        for variant, law, look_alikes, apply, possible in (
+        for variant, law, look_alikes, apply, holds, possible in (
             (
                 "constant",
                 "stamped t + delay by the device that is not the DAQ",
                 tuple(name for name in _TIMING if name != "delay"),
                 _delay,
+                ("torque_age",),
                 needs_two_clocks,
             ),
             (
@@ -142,6 +144,7 @@ SPECS: tuple[EffectSpec, ...] = (
                 "the arm's encoder read at t - delay when the motor's is at t",
                 ("clock-drift",),
                 _encoder_delay,
+                (),
                 _needs_two_encoders,
             ),
         )
@@ -174,6 +177,7 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=_logging(kind),
             scale=scale,
             starts=starts,
+            holds=("torque_age",),
             possible=possible,
             limits=_log_limits,
         )

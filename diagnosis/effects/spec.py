@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from jointscope.diagnosis.parameters import AGE
+
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.effects.lines import Residuals
@@ -18,8 +20,6 @@ Family = Literal[
     "inertia", "contact", "external",
 ]  # fmt: skip
 Values = tuple[float, ...]
-
-SHORTEST = 2e-5  # s: a multiplexed converter reads its channels so far apart, a hold of 25 kHz lags by so much
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,7 @@ class EffectSpec:
         local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
         exact: Whether nature knows the law in this form only: what it leaves is something else.
         memoryless: Whether it bends every sample by itself: no form of it lags or rings.
+        holds: Names of the base's nuisances that it stands for, which stay at their start where it is fitted.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
         sensible_at: The same at a rig: a stop that stops nothing is none, nor a ripple of less than a period.
     """
@@ -113,6 +114,7 @@ class EffectSpec:
     local: bool = False
     exact: bool = False
     memoryless: bool = False
+    holds: tuple[str, ...] = ()
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
     sensible_at: Callable[[Problem, Values], bool] | None = field(default=None, repr=False)
 
@@ -152,7 +154,7 @@ class ActiveEffect:
 
 def lasts(values: Values) -> bool:
     """Whether a time is longer than a recorder leaves open: channels sampled in turn, holds and filters are not exact to less."""
-    return abs(values[0]) > SHORTEST
+    return abs(values[0]) > AGE
 
 
 def one_start(problem: Problem) -> tuple[Values, ...]:

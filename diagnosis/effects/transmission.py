@@ -31,13 +31,23 @@ _SPACING = (
 )
 
 
-def _backlash(damping_inside: float) -> Apply:
+def _backlash(damping_inside: float, sheds: float = 0.0) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         assembly.P[kernel.GAP_HALF] = 0.5 * values[0]
         assembly.P[kernel.GAP_CENTRE] = 0.5 * values[0] * values[1] if len(values) > 1 else 0.0
         assembly.P[kernel.GAP_DAMPING] = damping_inside
+        assembly.P[kernel.GAP_SHEDS] = sheds
 
     return apply
+
+
+def _rounded(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.GAP_HALF] = 0.5 * values[0]
+    assembly.P[kernel.GAP_ROUND], assembly.P[kernel.GAP_FADE], assembly.P[kernel.GAP_SHEDS] = (
+        values[1],
+        values[2],
+        1.0,
+    )
 
 
 def _cubic(assembly: Assembly, values: Values, weight: float) -> None:
@@ -100,7 +110,8 @@ def _angle_sizes(problem: Problem) -> tuple[float, float, float]:
 
 
 def _gap_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    return {"gap": (0.0, 4.0 * problem.scales.wind_up)}
+    a = problem.scales.wind_up
+    return {"gap": (0.0, 4.0 * a), "contact_depth": (1e-5 * a, 2.0 * a)}
 
 
 def _stiffness(problem: Problem) -> float:
@@ -142,6 +153,7 @@ def _is_soft(values: Values) -> bool:
     return values[0] < 0.99 * _SOFTEST
 
 
+_GAP = ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0)
 _HITS = ("hammer", "torque-sweep")
 _SPRING = ("stiffness-nonlinearity", "backlash", "hysteresis")
 
@@ -153,24 +165,54 @@ SPECS: tuple[EffectSpec, ...] = (
             variant=variant,
             family="stiffness",
             parameters=parameters,
-            law="K dz(Delta, gap/2), c acting " + ("in contact only" if inside == 0.0 else "always"),
+            law=law,
             revealed_by=_HITS,
             look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
-            apply=_backlash(inside),
+            apply=apply,
             scale=_angle_sizes,
             decades=0 if variant == "off-centre" else 3,
             starts=starts,
+            proportional=proportional,
             possible=needs_spring,
             limits=_gap_limits,
         )
-        for variant, inside, parameters, starts in (
-            ("free-flight", 0.0, (ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0),), one_start),
-            ("damped", 1.0, (ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0),), one_start),
+        for variant, law, apply, parameters, starts, proportional in (
+            (
+                "free-flight",
+                "K dz(Delta, gap/2), c acting in contact only",
+                _backlash(0.0),
+                (_GAP,),
+                one_start,
+                (),
+            ),
+            ("damped", "K dz(Delta, gap/2), c acting always", _backlash(1.0), (_GAP,), one_start, ()),
+            (
+                "sheds",
+                "the same in contact only, where a flank does not pull",
+                _backlash(0.0, 1.0),
+                (_GAP,),
+                one_start,
+                (),
+            ),
+            (
+                "rounded",
+                "K x s^(1/2) + c x' s^fade, s = x/(x + contact_depth), at a depth x of contact, where no flank pulls",
+                _rounded,
+                (
+                    _GAP,
+                    ParameterSpec("contact_depth", "rad", 1e-10, 1.0, log=True),
+                    ParameterSpec("fade", "1", 0.0, 3.0),
+                ),
+                lambda problem: ((0.4 * _angle_sizes(problem)[1], 1.0),),
+                (1,),
+            ),
             (
                 "off-centre",
-                0.0,
-                (ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0), ParameterSpec("centre", "1", -1.0, 1.0)),
+                "K dz(Delta - D_0, gap/2), c acting in contact only",
+                _backlash(0.0),
+                (_GAP, ParameterSpec("centre", "1", -1.0, 1.0)),
                 lambda problem: ((-0.7,), (0.7,)),
+                (),
             ),
         )
     ),

@@ -60,7 +60,10 @@ def _rates_source(
     if P[PAR_SHARE] != 0.0:
         factor += P[PAR_SHARE] * math.sin(P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE])
     T, contact = elastic(P, delta, factor)
+    bent = T
     T += (P[C] * contact + P[RUB] * abs(delta)) * rate
+    if P[GAP_SHEDS] != 0.0 and T * bent <= 0.0:
+        T = 0.0
     if P[REID] != 0.0:
         bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
         T += P[REID] * P[K] * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)

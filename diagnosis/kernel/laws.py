@@ -129,6 +129,13 @@ def rounded(torque: float, speed: float, excess: float, fall: float, sided: floa
 
 
 @compiled
+def seated(el: float, P: Real) -> float:
+    """x/(x + x_h) at a depth x = |``el``| [rad]: its root times K is Hertz's power 3/2 at first, the whole K in the end."""
+    depth = abs(el)
+    return depth / (depth + P[GAP_ROUND])
+
+
+@compiled
 def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
     el = delta
@@ -142,6 +149,9 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
         else:
             el = 0.0
             contact = P[GAP_DAMPING]
+        if P[GAP_ROUND] > 0.0:
+            share = seated(el, P)
+            el, contact = el * math.sqrt(share), contact * share ** P[GAP_FADE]
     torque = factor * P[K] * el
     if P[K_3] != 0.0 or P[K_2] != 0.0:
         torque += (P[K_2] + P[K_3] * el) * el * el

@@ -61,7 +61,12 @@ HYST_LEVEL_0, SLIP_ELEMENTS = (
     8,
 )  # Maxwell-slip: limits of equal springs, each over HYST_ANGLE; their mean is 1
 PRE_EXPONENT = 144  # 1 where the breakaway falls as exp(-v/PRE_SPEED), else as exp(-(v/PRE_SPEED)^2)
-N_P = 145
+GAP_ROUND, GAP_FADE, GAP_SHEDS = (
+    145,
+    146,
+    147,
+)  # depth over which a flank gives way [rad], power to which its damping does, 1 where flanks don't pull
+N_P = 148
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -14,6 +14,7 @@ from jointscope.diagnosis.kernel.laws import (
     friction,
     hysteresis,
     rounded,
+    seated,
     slipping,
     tabled,
     with_table,
@@ -45,6 +46,9 @@ def _scalar_rates_source(
             el += gap
         else:
             el, contact = 0.0, inside
+        if rich and P[GAP_ROUND] > 0.0:
+            share = seated(el, P)
+            el, contact = el * math.sqrt(share), contact * share ** P[GAP_FADE]
     factor, damping = 1.0 + drift * t, c * contact
     if rich:
         damping += P[RUB] * abs(delta)
@@ -53,6 +57,8 @@ def _scalar_rates_source(
                 P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE]
             )
     T = k * factor * el + (k_2 + k_3 * el) * el * el + damping * rate
+    if rich and P[GAP_SHEDS] != 0.0 and T * el <= 0.0:
+        T = 0.0
     if k_soft != 0.0:
         T -= k_soft * min(max(el, -soft), soft)
     if rich:

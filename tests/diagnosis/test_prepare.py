@@ -48,7 +48,7 @@ def test_starts_are_near_the_truth_though_the_nameplate_is_not(problem, plant):
     assert start(problem, "load_inertia") == pytest.approx(plant.J_L, rel=0.05)
     assert start(problem, "damping") == pytest.approx(plant.c, rel=0.3)
     assert free(problem) == {
-        "stiffness", "damping", "load_inertia", "motor_damping", "load_damping", "torque_offset",
+        "stiffness", "damping", "load_inertia", "motor_damping", "load_damping", "torque_offset", "torque_age",
     }  # fmt: skip
 
 
