@@ -96,6 +96,18 @@ class Adequacy:
     base_left: float
     model_left: float
 
+    @property
+    def at_least(self) -> float:
+        """Share of the mismatch's energy that the model explains at the least: where no two runs tell noise, all is mismatch.
+
+        Of accelerations then, if any were recorded: angles are followed, or as good as their zero.
+        """
+        if math.isfinite(self.explained):
+            return self.explained
+        blocks = [b for b in self.blocks if b.key[2] in ACCELERATIONS] or self.blocks
+        base, model = sum(b.base for b in blocks), sum(b.model for b in blocks)
+        return 1.0 - model / base if base > 0.0 else math.nan
+
 
 def _cleaned(
     runs: Sequence[PreparedRun],

@@ -253,12 +253,12 @@ def held_weight(assembly: Assembly) -> float:
 
 
 def rests(assembly: Assembly) -> tuple[float | None, ...]:
-    """Places in the play [rad of wind-up] where the run may begin; ``None`` is where the model puts it.
+    """Places in the play [rad of wind-up] where a hit's run may begin; ``None`` is where the model puts it.
 
     What no weight holds against a flank stays where it was left: on either flank, or between them.
     """
     P, run = assembly.P, assembly.run
-    if P[kernel.GAP_HALF] == 0.0 or not run.spring or run.run.initial != "rest" or held_weight(assembly) != 0.0:
+    if P[kernel.GAP_HALF] == 0.0 or run.load is None or run.run.initial != "rest" or held_weight(assembly) != 0.0:
         return (None,)
     return (None, P[kernel.GAP_CENTRE] - P[kernel.GAP_HALF], P[kernel.GAP_CENTRE] + P[kernel.GAP_HALF])
 

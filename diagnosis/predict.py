@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +39,9 @@ def predict_outputs(
     places = rests(build(run, theta, effects, problem))
     if len(places) == 1:
         return _from_rest(run, theta, effects, problem, None)
-    return min((_from_rest(run, theta, effects, problem, place) for place in places), key=partial(_missed, run))
+    begun = run.begun
+    missed = [_missed(begun, _from_rest(begun, theta, effects, problem, place)) for place in places]
+    return _from_rest(run, theta, effects, problem, places[int(np.argmin(missed))])
 
 
 def _from_rest(

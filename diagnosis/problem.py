@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.drive_angle import DriveLaw
     from jointscope.diagnosis.relog import Relogged
 
+BEGUN = 0.2  # s: some periods of a joint
 Vector = NDArray[np.float64]
 Mode = Literal["braked", "observer", "closed-loop", "torque-driven", "prescribed-motor", "prescribed-load"]
 
@@ -165,6 +166,13 @@ class PreparedRun:
         from jointscope.diagnosis.relog import relogged
 
         return relogged(self)
+
+    @functools.cached_property
+    def begun(self) -> PreparedRun:
+        """Its first part, up to ``BEGUN`` after a hit, by which it is told where it was at rest."""
+        from jointscope.diagnosis.opening import opening
+
+        return opening(self, BEGUN)
 
     @property
     def load_force(self) -> Vector | None:

@@ -7,7 +7,6 @@ and it is wide. What it gives starts the fit to a few more, and the last of thes
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -18,66 +17,83 @@ from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.objective import whitened
+from jointscope.diagnosis.opening import opening
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.search import Hypothesis, profile_loss
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.base import Stage
     from jointscope.diagnosis.coordinates import Coordinates
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.noise import NoiseModel
     from jointscope.diagnosis.objective import Objective
-    from jointscope.diagnosis.problem import PreparedRun
 
-PERIODS = (2.0, 3.0, 4.5, 6.5, 10.0, 15.0)  # of the base's resonance after the hit, one fit each
-STRUCK = 0.05  # of a hit's peak, where it begins
+FIRST = (2.0, 3.0, 4.5, 6.5)  # periods of the base's resonance after the hit, one fit each
+WIDER = 1.15  # times the periods before, from there on; a play's basin narrows as fast
+LAST = 80.0  # periods, beyond which a ring-down is over
 STIFFER = (1.0, 1.06, 1.12, 1.2, 1.3, 1.45, 1.6, 1.8)  # times the base's stiffness, which a gap makes too soft
 GAPS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6)  # of the largest wind-up
 DEPTHS = (0.15, 0.5)  # of the gap, over which rounded flanks give way
-SETTLING = 50  # steps simulated beyond a window, which the recorder's filter reads
-LAWS = 2  # fitted to whole runs
+LAWS = 3  # fitted to whole runs ...
+AS_NEAR = 1.5  # ... if their misfit over the first periods is no more than this times the least
 TRIED = 4  # starts fitted to the first window
-STEP = 1e-3  # of a parameter's size, over which contacts are differenced: an event moves by whole steps below
-FIRST, FURTHER, WHOLE = (15, 120), (20, 200), (20, 120)  # iterations and simulations of one fit
+SHARP, ROUND = (
+    1e-3,
+    1e-4,
+)  # of a parameter's size, over which contacts are differenced: below, an event moves by whole steps
+EFFORT_FIRST, EFFORT_FURTHER, EFFORT_WHOLE = (
+    (15, 120),
+    (10, 60),
+    (20, 120),
+)  # iterations and simulations of one fit
 
 
-def ring_downs(
-    objective: Objective, base: Fit, noise: NoiseModel, specs: Sequence[EffectSpec]
-) -> list[Hypothesis]:
-    """The two laws of play among ``specs`` that follow the hits best, fitted so; none where no held joint was hit."""
+def ring_downs(stage: Stage, objective: Objective, base: Fit, specs: Sequence[EffectSpec]) -> list[Hypothesis]:
+    """The laws of play among ``specs`` that follow the hits best, fitted so; none where no held joint was hit.
+
+    Args:
+        stage: All runs that are fitted, and the noise beside the base: every hit's first periods count.
+        objective: The runs of the search, to which whole runs are fitted.
+        base: What the base leaves of them.
+    """
     problem = objective.problem
-    hits = tuple(
-        i for i in objective.runs if problem.runs[i].mode == "braked" and problem.runs[i].load is not None
-    )
+    runs = problem.runs
+    hits = tuple(i for i in stage.objective.runs if runs[i].mode == "braked" and runs[i].load is not None)
     laws = [
         spec for spec in specs if spec.name == "backlash" and "centre" not in {p.name for p in spec.parameters}
     ]
     if not hits or problem.scales.wind_up <= 0.0:
         return []
-    paths = sorted((_by_windows(objective, base, noise, hits, spec) for spec in laws), key=lambda path: path[-1].chi2)
+    hit, noise = replace(stage.objective, runs=hits, whiteners=()), stage.noise
+    theta, _ = base.coordinates.unpack(base.x)
+    begun = sorted((_first(hit, noise, theta, spec) for spec in laws), key=lambda fit: fit.chi2)
     found = []
-    for path in paths[:LAWS]:
-        best = min((_whole(objective, fit) for fit in path), key=lambda fit: fit.chi2)
-        if best.chi2 < base.chi2:
-            found.append(Hypothesis(best.coordinates.effects, best, profile_loss(objective, best.w)))
+    for fit in [fit for fit in begun[:LAWS] if fit.chi2 < AS_NEAR * begun[0].chi2]:
+        whole = _whole(objective, _along(hit, noise, fit))
+        if whole.chi2 < base.chi2:
+            found.append(Hypothesis(whole.coordinates.effects, whole, profile_loss(objective, whole.w)))
     return found
 
 
-def _by_windows(
-    objective: Objective, base: Fit, noise: NoiseModel, hits: tuple[int, ...], spec: EffectSpec
-) -> list[Fit]:
-    """The fits to the last two windows; shape of a window's own residual."""
-    theta, _ = base.coordinates.unpack(base.x)
-    path: list[Fit] = []
-    for periods in PERIODS:
-        near = _within(objective, noise, hits, periods / objective.problem.scales.frequency)
-        where = _coarse(coordinates(near.problem, (spec,)))
-        if not path:
-            starts = _starts(near, theta, spec, where)
-            fits = [_fit(near, where, x, FIRST) for x in starts]
-            path.append(min(fits, key=lambda fit: fit.chi2))
-        else:
-            path.append(_fit(near, where, path[-1].x, FURTHER))
-    return path[-2:]
+def _first(hit: Objective, noise: NoiseModel, theta: np.ndarray, spec: EffectSpec) -> Fit:
+    """The law over the first periods, from the best of a grid."""
+    near = _within(hit, noise, FIRST[0])
+    where = _coarse(coordinates(near.problem, (spec,)))
+    fits = [_fit(near, where, x, EFFORT_FIRST) for x in _starts(near, theta, spec, where)]
+    fit = min(fits, key=lambda fit: fit.chi2)
+    for periods in FIRST[1:]:
+        fit = _fit(_within(hit, noise, periods), where, fit.x, EFFORT_FIRST)
+    return fit
+
+
+def _along(hit: Objective, noise: NoiseModel, fit: Fit) -> Fit:
+    """The fit to all of the ring-downs, by way of ever longer parts of them."""
+    periods = FIRST[-1] * WIDER
+    longest = max(hit.problem.runs[i].steps / hit.problem.runs[i].grid_rate for i in hit.runs)
+    while periods < min(LAST, longest * hit.problem.scales.frequency):
+        fit = _fit(_within(hit, noise, periods), fit.coordinates, fit.x, EFFORT_FURTHER)
+        periods *= WIDER
+    return fit
 
 
 def _fit(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[int, int]) -> Fit:
@@ -87,12 +103,13 @@ def _fit(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[
 def _whole(objective: Objective, fit: Fit) -> Fit:
     """Fitted on to whole runs, once with steps across contacts and once with small ones."""
     where = coordinates(objective.problem, fit.coordinates.effects)
-    rough = _fit(objective, _coarse(where), fit.x, WHOLE)
-    return replace(_fit(objective, where, rough.x, WHOLE), coordinates=where)
+    rough = _fit(objective, _coarse(where), fit.x, EFFORT_WHOLE)
+    return _fit(objective, where, rough.x, EFFORT_WHOLE)
 
 
 def _coarse(where: Coordinates) -> Coordinates:
-    return replace(where, step=np.maximum(where.step, STEP))
+    rounded = any(parameter.name == "contact_depth" for spec in where.effects for parameter in spec.parameters)
+    return replace(where, step=np.full_like(where.step, ROUND if rounded else SHARP))
 
 
 def _starts(near: Objective, theta: np.ndarray, spec: EffectSpec, where: Coordinates) -> list[np.ndarray]:
@@ -111,36 +128,9 @@ def _starts(near: Objective, theta: np.ndarray, spec: EffectSpec, where: Coordin
     return [where.pack(trials[k][0], (trials[k][1],)) for k in order[:TRIED]]
 
 
-def _within(objective: Objective, noise: NoiseModel, hits: tuple[int, ...], seconds: float) -> Objective:
-    """The hits alone, up to ``seconds`` after each began, whitened by ``noise``."""
-    runs = list(objective.problem.runs)
-    for i in hits:
-        runs[i] = _cut(runs[i], seconds)
-    return whitened(
-        replace(objective, problem=replace(objective.problem, runs=tuple(runs)), runs=hits, whiteners=()),
-        noise,
-        None,
-    )
-
-
-def _cut(run: PreparedRun, seconds: float) -> PreparedRun:
-    """The run up to ``seconds`` after its external force first was a share of its peak."""
-    force = np.abs(run.load_half)
-    begins = run.t0 + int(np.argmax(force > STRUCK * force.max())) / (2.0 * run.grid_rate)
-    ends = begins + seconds
-    steps = min(run.steps, math.ceil((ends - run.t0) * run.grid_rate) + SETTLING)
-    half = 2 * steps + 1
-    outputs = tuple(
-        replace(o, times=o.times[o.times <= ends], data=o.data[o.times <= ends], mask=o.mask[o.times <= ends])
-        for o in run.outputs
-    )
-    return replace(
-        run,
-        steps=steps,
-        load_half=run.load_half[:half],
-        motor_half=run.motor_half[:half],
-        command_half=run.command_half[:half],
-        observed_half=run.observed_half[:half],
-        command_rate_half=run.command_rate_half[:half],
-        outputs=outputs,
-    )
+def _within(hit: Objective, noise: NoiseModel, periods: float) -> Objective:
+    """The hits up to ``periods`` after each began, whitened by ``noise``."""
+    runs = list(hit.problem.runs)
+    for i in hit.runs:
+        runs[i] = opening(runs[i], periods / hit.problem.scales.frequency)
+    return whitened(replace(hit, problem=replace(hit.problem, runs=tuple(runs))), noise, None)

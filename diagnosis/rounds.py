@@ -52,6 +52,7 @@ Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 BEYOND = 2  # leading single effects that are started from beyond themselves
 PLAY = "backlash@transmission"
+IN_PLAY = 0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
@@ -186,6 +187,12 @@ def _worth_more(arena: Arena, size: int) -> bool:
     return len(best.names) >= size and (not parts or promising(arena, best, *parts))
 
 
+def _may_play(arena: Arena) -> bool:
+    """Whether play alone, as the search found it, has some of what the leading effect has."""
+    most = arena.base.loss - arena.hypotheses[0].loss
+    return any(h.names == (PLAY,) and arena.base.loss - h.loss > IN_PLAY * most for h in arena.hypotheses)
+
+
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
     """Each member of the leading pair may have stood in for its look-alike, and that may let the other one be told."""
     for _ in range(SWAPS):
@@ -248,8 +255,8 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(_uncoupled(arena), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
-    if any(PLAY in h.names for h in arena.hypotheses[:BEYOND]):
-        further.extend(ring_downs(arena.objective, arena.base.fit, first.noise, specs))
+    if _may_play(arena):
+        further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:
         arena = settled(arena, further, effort)
     known = _losses(arena)

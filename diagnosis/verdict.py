@@ -267,7 +267,7 @@ def decide(judgement: Judgement) -> Decision:
     if len(top.names) >= TOO_MANY:
         return Decision("unknown", top.judged, _beyond(1.5), ranking, "outside-catalogue", (), fit)
     growing = max((n.kappa for n in judgement.noise.blocks.values()), default=0.0)
-    if growing > NOT_FOLLOWED and not fit.explained > NEARLY_ALL:
+    if growing > NOT_FOLLOWED and not fit.at_least > NEARLY_ALL:
         return Decision(
             "unknown", top.judged, _beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit
         )

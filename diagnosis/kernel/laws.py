@@ -132,7 +132,7 @@ def rounded(torque: float, speed: float, excess: float, fall: float, sided: floa
 def seated(el: float, P: Real) -> float:
     """x/(x + x_h) at a depth x = |``el``| [rad]: its root times K is Hertz's power 3/2 at first, the whole K in the end."""
     depth = abs(el)
-    return depth / (depth + P[GAP_ROUND])
+    return float(depth / (depth + P[GAP_ROUND]))
 
 
 @compiled
