@@ -62,6 +62,9 @@ EXPLAINED = (
 TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
+UNHEARD = (
+    0.0005  # of the signal's rms, which the best of records holds: a force without a name that does less is none
+)
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
 AS_MUCH_AS_NAMED = 0.65  # of what the named effects gained, explained by the input alone: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
@@ -359,7 +362,7 @@ def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) 
     if math.isnan(against.held_gain) or not (against.stands or against.evident):
         return decision
     if decision.verdict == "none":
-        if against.gain < UNNAMED or against.material < MATERIAL:
+        if against.gain < UNNAMED or against.material < UNHEARD:
             return decision
         sure = _beyond(against.gain / UNNAMED)
         return replace(

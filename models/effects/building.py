@@ -43,6 +43,8 @@ class Building:
         damping: c [N m s/rad].
         gap, centre: Total play and the middle of it [rad].
         gap_damping: Share of c that acts inside the play [-].
+        gap_sheds, gap_round, gap_fade: Whether its flanks don't pull; depth over which they give way [rad]; power to which
+            their damping does.
         soft, soft_angle: Stiffness missing within +-angle [N m/rad], [rad].
         weight: Moment of the arm's weight and its direction, M exp(i phi), in -M cos(q + phi) [N m]; [N] where it slides.
         friction: Dry torque and its constant part against positive motion, at ``motor`` and ``load`` [N m].
@@ -66,6 +68,9 @@ class Building:
     gap: float = 0.0
     centre: float = 0.0
     gap_damping: float = 1.0
+    gap_sheds: bool = False
+    gap_round: float = 0.0
+    gap_fade: float = 0.0
     soft: float = 0.0
     soft_angle: float = 0.0
     friction: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -109,6 +114,9 @@ class Building:
             "gap": self.gap,
             "centre": self.centre,
             "gap_damping": self.gap_damping,
+            "gap_sheds": float(self.gap_sheds),
+            "gap_round": self.gap_round,
+            "gap_fade": self.gap_fade,
             "soft_stiffness": self.soft,
             "soft_angle": self.soft_angle,
         }

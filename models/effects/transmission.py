@@ -20,10 +20,15 @@ TURNING = 0.05  # of the speed amplitude at resonance, over which the rate-indep
 
 
 def backlash(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """Lost motion ``gap`` in total; ``centre`` in half gaps; the damper acts in contact only, or always ("damped")."""
+    """Lost motion ``gap`` in total; ``centre`` in half gaps; the damper acts in contact only, or always ("damped").
+
+    Flanks that don't pull ("sheds"), or give way over ``contact_depth`` as well ("rounded").
+    """
     building.gap = p["gap"]
     building.centre = 0.5 * p["gap"] * p.get("centre", 0.0)
     building.gap_damping = 1.0 if variant == "damped" else 0.0
+    building.gap_sheds = variant in ("sheds", "rounded")
+    building.gap_round, building.gap_fade = p.get("contact_depth", 0.0), p.get("fade", 0.0)
     return "springlength of tendon 'reducer spring'"
 
 

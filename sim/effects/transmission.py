@@ -22,11 +22,15 @@ SHAPED_STEP = 0.02  # of a loop's angle, by which a shaped loop is followed
 class Spring:
     """T_S = K el + k_2 el^2 + k_3 el^3 - soft clip(el, +-soft_angle) + c Delta', el: Delta outside the play.
 
+    On rounded flanks K s^(1/2) and c s^fade, s = |el| / (|el| + round), in place of K and c.
+
     Attributes:
         stiffness, quadratic, cubic: K [N m/rad], k_2 [N m/rad^2], k_3 [N m/rad^3].
         damping: c [N m s/rad].
         gap, centre: Total play and its middle [rad].
         gap_damping: Share of c inside the play [-].
+        gap_sheds: 1 where a flank does not pull.
+        gap_round, gap_fade: Depth over which a flank gives way [rad]; power to which its damping does [-].
         soft_stiffness, soft_angle: [N m/rad], [rad].
     """
 
@@ -37,6 +41,9 @@ class Spring:
     gap: float = 0.0
     centre: float = 0.0
     gap_damping: float = 1.0
+    gap_sheds: float = 0.0
+    gap_round: float = 0.0
+    gap_fade: float = 0.0
     soft_stiffness: float = 0.0
     soft_angle: float = 0.0
 
@@ -67,7 +74,9 @@ class Spring:
         """T_S [N m]."""
         el, touching = self.stretch(delta)
         share = 1.0 if touching else self.gap_damping
-        return self.elastic(el, factor) + share * self.damping * rate
+        seated = abs(el) / (abs(el) + self.gap_round) if self.gap_round > 0.0 else 1.0
+        total = self.elastic(el, factor * math.sqrt(seated)) + share * seated**self.gap_fade * self.damping * rate
+        return 0.0 if self.gap_sheds and total * el <= 0.0 else total
 
 
 def hysteresis(law: Law) -> Part:

@@ -27,7 +27,9 @@ def test_a_signal_made_late_by_a_part_of_a_step_is_off_by_the_third_order():
     rate, w = 1e4, 2.0 * np.pi * 80.0
     s = 2e-5 * rate
     assert error(rate) == pytest.approx(s * (1.0 - s * s) / 6.0 * (w / rate) ** 3, rel=0.02)
-    assert error(rate) / error(0.5 * rate) == pytest.approx(0.25, rel=0.15)  # s goes with the rate: the square is left
+    assert error(rate) / error(0.5 * rate) == pytest.approx(
+        0.25, rel=0.15
+    )  # s goes with the rate: the square is left
 
 
 def late(problem, age):
@@ -80,6 +82,8 @@ def test_an_effect_that_is_a_time_stands_for_it(problem):
     for spec in catalogue(problem):
         where = coordinates(problem, (spec,))
         column = int(np.flatnonzero(where.free == age)[0])
-        assert (column in where.held) == (spec.name in ("delay", "drive-lag", "torque-logging") and spec.variant != "encoder")
+        assert (column in where.held) == (
+            spec.name in ("delay", "drive-lag", "torque-logging") and spec.variant != "encoder"
+        )
         if column in where.held:
             assert where.lower[column] == where.upper[column] == 0.0

@@ -125,6 +125,7 @@ def diagnosed(effects: tuple[dict[str, Any], ...] = (), **base: float) -> tuple[
     values = {
         "stiffness": K, "damping": C, "load_inertia": J_L, "motor_inertia": J_M, "motor_damping": B_M,
         "load_damping": B_L, "gravity_moment": 0.0, "efficiency": 0.7, "torque_scale": 1.0, "torque_offset": 0.0,
+        "torque_age": 0.0,
         "drive_gain": 0.0, "drive_integral": 0.0, "drive_acceleration": 0.0, "drive_velocity": 0.0, "drive_limit": 0.0,
     } | base  # fmt: skip
     units = {"stiffness": "N m/rad", "damping": "N m s/rad", "inertia": "kg m^2"}

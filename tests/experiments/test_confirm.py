@@ -52,7 +52,7 @@ def base_parameters():
         "stiffness": joint.stiffness, "damping": joint.damping, "load_inertia": joint.load_inertia,
         "motor_inertia": joint.reflected_inertia, "motor_damping": joint.motor_damping,
         "load_damping": joint.load_damping, "gravity_moment": -RIG.gravity_torque(0.0), "efficiency": joint.efficiency,
-        "torque_scale": 1.0, "torque_offset": 0.0, "drive_gain": 0.0, "drive_integral": 0.0,
+        "torque_scale": 1.0, "torque_offset": 0.0, "torque_age": 0.0, "drive_gain": 0.0, "drive_integral": 0.0,
     }  # fmt: skip
 
 

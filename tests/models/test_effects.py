@@ -13,7 +13,7 @@ from jointscope.models.rig import brake
 
 BASE = {
     "stiffness": 2e5, "damping": 60.0, "load_inertia": 3.0, "motor_inertia": 9.0, "motor_damping": 2.0,
-    "load_damping": 1.0, "gravity_moment": 58.0, "efficiency": 0.7, "torque_scale": 1.0, "torque_offset": 0.0,
+    "load_damping": 1.0, "gravity_moment": 58.0, "efficiency": 0.7, "torque_scale": 1.0, "torque_offset": 0.0, "torque_age": 0.0,
     "drive_gain": 1600.0, "drive_integral": 32000.0, "drive_acceleration": 0.0, "drive_velocity": 0.0, "drive_limit": 600.0,
 }  # fmt: skip
 RIG = {"topology": "two-inertia", "motion": "rotational", "plane": "vertical", "reduction_ratio": 100.0}
@@ -53,6 +53,8 @@ CATALOGUE = [
     ("backlash", "transmission", "damped", {"gap": 1e-4}, "gap", 0.0),
     ("backlash", "transmission", "free-flight", {"gap": 1e-4}, "gap", 0.0),
     ("backlash", "transmission", "off-centre", {"gap": 1e-4, "centre": 0.7}, "gap", 0.0),
+    ("backlash", "transmission", "sheds", {"gap": 1e-4}, "gap", 0.0),
+    ("backlash", "transmission", "rounded", {"gap": 1e-4, "contact_depth": 4e-5, "fade": 1.0}, "gap", 0.0),
     ("stiffness-nonlinearity", "transmission", "cubic", {"cubic": 2e10}, "cubic", 0.0),
     ("stiffness-nonlinearity", "transmission", "piecewise", {"soft_share": 0.3, "transition_angle": 1e-4}, "soft_share", 0.0),
     ("hysteresis", "transmission", "bouc-wen", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),

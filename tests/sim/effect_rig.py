@@ -14,7 +14,7 @@ K, C, J_L, J_M, N = 2e5, 0.0, 3.0, 9.0, 100.0
 W0 = math.sqrt(K / J_L)
 BASE = {
     "stiffness": K, "damping": C, "load_inertia": J_L, "motor_inertia": J_M, "motor_damping": 0.0, "load_damping": 0.0,
-    "gravity_moment": 0.0, "efficiency": 1.0, "torque_scale": 1.0, "torque_offset": 0.0, "drive_gain": 0.0,
+    "gravity_moment": 0.0, "efficiency": 1.0, "torque_scale": 1.0, "torque_offset": 0.0, "torque_age": 0.0, "drive_gain": 0.0,
     "drive_integral": 0.0, "drive_acceleration": 0.0, "drive_velocity": 0.0, "drive_limit": 0.0,
 }  # fmt: skip
 FLAT = Nameplate(topology="two-inertia", motion="rotational", plane="horizontal", reduction_ratio=N)

@@ -2,13 +2,14 @@
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from jointscope.models.effects import augment
-from jointscope.sim.effects.transmission import hysteresis, relaxation
+from jointscope.sim.effects.transmission import Spring, hysteresis, relaxation
 
 sys.path.insert(0, str(Path(__file__).parent))
 from effect_rig import (  # type: ignore[import-not-found]
@@ -78,7 +79,7 @@ def dead_zone(A, half):
     return 1.0 - 2.0 / math.pi * (math.asin(r) + r * math.sqrt(1.0 - r * r))
 
 
-@pytest.mark.parametrize("variant", ["free-flight", "damped"])
+@pytest.mark.parametrize("variant", ["free-flight", "damped", "sheds"])
 def test_play_lowers_the_frequency_by_its_describing_function(variant):
     gap = 2e-4
     x = stepped(hit(), entry("backlash", "transmission", variant, gap=gap))[ARM]
@@ -98,6 +99,19 @@ def test_play_frees_the_damper_inside_only_where_it_is_said_to():
         loss[variant] = np.polyfit(np.flatnonzero(flying) / RATE, np.log(v[flying]), 1)[0]
     assert abs(loss["free-flight"]) < 0.05
     assert loss["damped"] == pytest.approx(-60.0 / J_L, rel=0.02)
+
+
+def test_rounded_flanks_give_way_as_hertz_and_do_not_pull():
+    """K x^(3/2) / (x + x_h)^(1/2) and c s^fade at a depth x, s = x/(x + x_h); leaving at speed, the torque is none."""
+    spring = Spring(
+        stiffness=K, damping=60.0, gap=2e-4, gap_damping=0.0, gap_sheds=1.0, gap_round=3e-5, gap_fade=2.0
+    )
+    for x in (1e-7, 2e-5, 1e-3):
+        share = x / (x + 3e-5)
+        assert spring.torque(1e-4 + x, 0.0) == pytest.approx(K * x**1.5 / math.sqrt(x + 3e-5))
+        assert spring.torque(-1e-4 - x, -0.01) == pytest.approx(-(K * x * math.sqrt(share) + 0.6 * share**2))
+    for leaving in (replace(spring, gap_fade=0.5), replace(spring, gap_round=0.0)):
+        assert leaving.torque(1e-4 + 1e-7, -1.0) == 0.0 == leaving.torque(5e-5, 1.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
