@@ -3,6 +3,7 @@ r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, s
     T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
     T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
+    T_S = K Delta (1 - share d^2/(Delta^2 + d^2))         the same without a corner
     T_S = K (1 + i eta) Delta, by relaxation branches or rate-independently      structural damping
     T_S = K (1 + rate t) Delta                                                   drift
 
@@ -60,6 +61,11 @@ def _piecewise(assembly: Assembly, values: Values, weight: float) -> None:
     share, angle = values
     assembly.P[kernel.K_SOFT] = share * assembly.P[kernel.K]
     assembly.P[kernel.SOFT_ANGLE] = angle
+
+
+def _smooth(assembly: Assembly, values: Values, weight: float) -> None:
+    _piecewise(assembly, values, weight)
+    assembly.P[kernel.SOFT_SMOOTH] = 1.0
 
 
 def _piecewise_cubic(assembly: Assembly, values: Values, weight: float) -> None:
@@ -251,24 +257,30 @@ SPECS: tuple[EffectSpec, ...] = (
         possible=needs_spring,
         limits=lambda problem: {**_soft_limits(problem), **_cubic_limits(problem)},
     ),
-    EffectSpec(
-        name="stiffness-nonlinearity",
-        location="transmission",
-        variant="piecewise",
-        family="stiffness",
-        parameters=(
-            ParameterSpec("soft_share", "1", -1.0, _SOFTEST, null=0.0),
-            ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
-        ),
-        law="K Delta outside +-d, (1 - soft_share) K inside",
-        revealed_by=_HITS,
-        look_alikes=_SPRING[1:],
-        apply=_piecewise,
-        scale=lambda problem: (0.02, 0.12, 0.4),
-        sensible=_is_soft,
-        starts=_soft_starts,
-        possible=needs_spring,
-        limits=_soft_limits,
+    *(
+        EffectSpec(
+            name="stiffness-nonlinearity",
+            location="transmission",
+            variant=variant,
+            family="stiffness",
+            parameters=(
+                ParameterSpec("soft_share", "1", -1.0, _SOFTEST, null=0.0),
+                ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
+            ),
+            law=law,
+            revealed_by=_HITS,
+            look_alikes=_SPRING[1:],
+            apply=apply,
+            scale=lambda problem: (0.02, 0.12, 0.4),
+            sensible=_is_soft,
+            starts=_soft_starts,
+            possible=needs_spring,
+            limits=_soft_limits,
+        )
+        for variant, law, apply in (
+            ("piecewise", "K Delta outside +-d, (1 - soft_share) K inside", _piecewise),
+            ("smooth", "K Delta (1 - soft_share d^2/(Delta^2 + d^2))", _smooth),
+        )
     ),
     *hysteresis.SPECS,
     *(

@@ -65,6 +65,7 @@ def simulate(
         or S[PRE_SITE] > 0
         or P[PAR_SHARE] != 0.0
         or P[RUB] != 0.0
+        or P[SOFT_SMOOTH] != 0.0
         or P[GAP_ROUND] != 0.0
         or P[GAP_SHEDS] != 0.0
     )

@@ -136,6 +136,14 @@ def seated(el: float, P: Real) -> float:
 
 
 @compiled
+def missing(el: float, angle: float, smooth: float) -> float:
+    """The stretch that a soft middle of +-``angle`` [rad] does without, of a stretch ``el``."""
+    if smooth != 0.0:
+        return float(el * angle * angle / (el * el + angle * angle))
+    return float(min(max(el, -angle), angle))
+
+
+@compiled
 def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
     el = delta
@@ -156,7 +164,7 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     if P[K_3] != 0.0 or P[K_2] != 0.0:
         torque += (P[K_2] + P[K_3] * el) * el * el
     if P[K_SOFT] != 0.0:
-        torque -= P[K_SOFT] * min(max(el, -P[SOFT_ANGLE]), P[SOFT_ANGLE])
+        torque -= P[K_SOFT] * missing(el, P[SOFT_ANGLE], P[SOFT_SMOOTH])
     return torque, contact
 
 

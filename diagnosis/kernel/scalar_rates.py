@@ -13,6 +13,7 @@ from jointscope.diagnosis.kernel.laws import (
     bristles,
     friction,
     hysteresis,
+    missing,
     rounded,
     seated,
     slipping,
@@ -60,7 +61,7 @@ def _scalar_rates_source(
     if rich and P[GAP_SHEDS] != 0.0 and T * el <= 0.0:
         T = 0.0
     if k_soft != 0.0:
-        T -= k_soft * min(max(el, -soft), soft)
+        T -= k_soft * (missing(el, soft, P[SOFT_SMOOTH]) if rich else min(max(el, -soft), soft))
     if rich:
         if P[REID] != 0.0:
             bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta

@@ -45,7 +45,7 @@ class Building:
         gap_damping: Share of c that acts inside the play [-].
         gap_sheds, gap_round, gap_fade: Whether its flanks don't pull; depth over which they give way [rad]; power to which
             their damping does.
-        soft, soft_angle: Stiffness missing within +-angle [N m/rad], [rad].
+        soft, soft_angle, soft_smooth: Stiffness missing within +-angle [N m/rad], [rad]; whether it fades without a corner.
         weight: Moment of the arm's weight and its direction, M exp(i phi), in -M cos(q + phi) [N m]; [N] where it slides.
         friction: Dry torque and its constant part against positive motion, at ``motor`` and ``load`` [N m].
         laws: What MJCF has no element for.
@@ -73,6 +73,7 @@ class Building:
     gap_fade: float = 0.0
     soft: float = 0.0
     soft_angle: float = 0.0
+    soft_smooth: bool = False
     friction: dict[str, tuple[float, float]] = field(default_factory=dict)
     laws: list[dict[str, Any]] = field(default_factory=list)
     native: list[dict[str, Any]] = field(default_factory=list)
@@ -119,6 +120,7 @@ class Building:
             "gap_fade": self.gap_fade,
             "soft_stiffness": self.soft,
             "soft_angle": self.soft_angle,
+            "soft_smooth": float(self.soft_smooth),
         }
 
     def finish(self) -> mujoco.MjSpec:
@@ -135,6 +137,8 @@ class Building:
             self._write_friction(location, torque, bias)
         if self.gap > 0.0 and self.gap_damping < 1.0:
             self.law("gap-damping")
+        if self.soft_smooth:
+            self.law("soft-middle")
         if not self.single:
             return self.spec
         fixed = brake(self.spec, 0.0)
@@ -143,7 +147,8 @@ class Building:
 
     def _write_spring(self) -> None:
         reducer, half = self.spec.joint("reducer"), 0.5 * self.gap
-        polynomial = (self.stiffness - self.soft, -self.quadratic, self.cubic)
+        cornered = 0.0 if self.soft_smooth else self.soft
+        polynomial = (self.stiffness - cornered, -self.quadratic, self.cubic)
         if self.gap == 0.0:
             reducer.stiffness[:] = polynomial
         else:
@@ -152,7 +157,7 @@ class Building:
             spring.wrap_joint("reducer", 1.0)
             spring.stiffness[:] = polynomial
             spring.springlength = [-self.centre - half, -self.centre + half]
-        if self.soft != 0.0:
+        if cornered != 0.0:
             reach = half + self.soft_angle
             soft = self.spec.add_tendon(name=SOFT)
             soft.wrap_joint("reducer", 1.0)

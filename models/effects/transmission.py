@@ -33,14 +33,17 @@ def backlash(building: Building, location: str, variant: str, p: Parameters) -> 
 
 
 def nonlinear_stiffness(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """K Delta + k_2 Delta^2 + k_3 Delta^3, a share of K missing within +-transition_angle, or both."""
+    """K Delta + k_2 Delta^2 + k_3 Delta^3, a share of K missing within +-transition_angle, at a corner or not, or both."""
     soft = variant.startswith("piecewise") or "soft_share" in p
     if soft:
         building.soft = p["soft_share"] * building.stiffness
         building.soft_angle = p["transition_angle"]
+        building.soft_smooth = variant == "smooth"
     if not soft or "cubic" in p:
         building.cubic += p["cubic"]
         building.quadratic += p.get("quadratic", 0.0)
+    if building.soft_smooth:
+        return ""
     return "tendon 'reducer low-torque spring'" if soft else "stiffness polynomial of the reducer"
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 Law = Mapping[str, Any]
@@ -22,6 +22,7 @@ SHAPED_STEP = 0.02  # of a loop's angle, by which a shaped loop is followed
 class Spring:
     """T_S = K el + k_2 el^2 + k_3 el^3 - soft clip(el, +-soft_angle) + c Delta', el: Delta outside the play.
 
+    A smooth soft middle misses el d^2/(el^2 + d^2), d = soft_angle, in place of the clipped stretch.
     On rounded flanks K s^(1/2) and c s^fade, s = |el| / (|el| + round), in place of K and c.
 
     Attributes:
@@ -32,6 +33,7 @@ class Spring:
         gap_sheds: 1 where a flank does not pull.
         gap_round, gap_fade: Depth over which a flank gives way [rad]; power to which its damping does [-].
         soft_stiffness, soft_angle: [N m/rad], [rad].
+        soft_smooth: 1 where a soft middle has no corner, which no element of the MJCF gives.
     """
 
     stiffness: float
@@ -46,6 +48,7 @@ class Spring:
     gap_fade: float = 0.0
     soft_stiffness: float = 0.0
     soft_angle: float = 0.0
+    soft_smooth: float = 0.0
 
     def stretch(self, delta: float) -> tuple[float, bool]:
         """Elastic part of the wind-up [rad], and whether the teeth touch."""
@@ -62,13 +65,17 @@ class Spring:
     def elastic(self, el: float, factor: float = 1.0) -> float:
         """Torque of the stretch ``el`` [N m]; ``factor`` scales K alone."""
         torque = (factor * self.stiffness + (self.quadratic + self.cubic * el) * el) * el
-        if self.soft_stiffness != 0.0:
+        if self.soft_smooth and self.soft_stiffness != 0.0:
+            d = self.soft_angle
+            torque -= self.soft_stiffness * el * d * d / (el * el + d * d)
+        elif self.soft_stiffness != 0.0:
             torque -= self.soft_stiffness * min(max(el, -self.soft_angle), self.soft_angle)
         return torque
 
     def native(self, delta: float, rate: float) -> float:
         """What the MJCF's elements give: its damper acts inside the play too [N m]."""
-        return self.elastic(self.stretch(delta)[0]) + self.damping * rate
+        cornered = replace(self, soft_stiffness=0.0) if self.soft_smooth else self
+        return cornered.elastic(self.stretch(delta)[0]) + self.damping * rate
 
     def torque(self, delta: float, rate: float, factor: float = 1.0) -> float:
         """T_S [N m]."""

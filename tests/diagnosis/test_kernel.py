@@ -205,6 +205,16 @@ def test_backlash_backbone_is_the_dead_zones_describing_function(amplitude):
     assert frequency(t, out[:, k.X_Q]) == pytest.approx(W0 / 2 / math.pi * math.sqrt(N), rel=0.02)
 
 
+@pytest.mark.parametrize("share", [0.2, -0.3])
+def test_a_smooth_soft_middle_lowers_the_backbone_by_its_mean_over_a_swing(share):
+    """f(A)^2 = f0^2 (1 - 2 share (d/A)^2 (1 - d/(A^2 + d^2)^(1/2))): harmonic balance, to first order in the share."""
+    A, d = 6e-4, 3e-4
+    P, S = packed(K_SOFT=share * KW["K"], SOFT_ANGLE=d, SOFT_SMOOTH=1.0)
+    t, out = run(P, S, x=(0, 0, A, 0), duration=1.0)
+    less = share * 2.0 * (d / A) ** 2 * (1.0 - d / math.hypot(A, d))
+    assert frequency(t, out[:, k.X_Q]) == pytest.approx(math.sqrt(1.0 - less) * W0 / 2 / math.pi, rel=2e-3)
+
+
 def test_cubic_backbone():
     """f(A) = f0 (1 + 3 k3 A^2/(8 K)) for small k3 A^2/K."""
     A, k3 = 1e-3, 6e9

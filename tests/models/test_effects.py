@@ -57,6 +57,7 @@ CATALOGUE = [
     ("backlash", "transmission", "rounded", {"gap": 1e-4, "contact_depth": 4e-5, "fade": 1.0}, "gap", 0.0),
     ("stiffness-nonlinearity", "transmission", "cubic", {"cubic": 2e10}, "cubic", 0.0),
     ("stiffness-nonlinearity", "transmission", "piecewise", {"soft_share": 0.3, "transition_angle": 1e-4}, "soft_share", 0.0),
+    ("stiffness-nonlinearity", "transmission", "smooth", {"soft_share": 0.3, "transition_angle": 1e-4}, "soft_share", 0.0),
     ("hysteresis", "transmission", "bouc-wen", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "dahl", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "bouc-wen-shaped", {"torque": 8.0, "stiffness": 1e5, "shape": -1.4}, "torque", 0.0),

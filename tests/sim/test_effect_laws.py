@@ -114,6 +114,18 @@ def test_rounded_flanks_give_way_as_hertz_and_do_not_pull():
         assert leaving.torque(1e-4 + 1e-7, -1.0) == 0.0 == leaving.torque(5e-5, 1.0)
 
 
+def test_a_smooth_soft_middle_lowers_the_backbone_by_its_mean_over_a_swing():
+    """f^2 falls by share <el^2 d^2/(el^2 + d^2)> / <el^2>, means over a sine: share d^2 (2/A^2) (1 - d/(A^2 + d^2)^(1/2))."""
+    share, d = 0.2, 3e-4
+    x = stepped(
+        hit(), entry("stiffness-nonlinearity", "transmission", "smooth", soft_share=share, transition_angle=d)
+    )[ARM]
+    t, A = peaks(x)
+    level = float(np.median(A[t > 0.1]))
+    less = share * 2.0 * (d / level) ** 2 * (1.0 - d / math.hypot(level, d))
+    assert frequency(t, x, 0.1, 0.9) == pytest.approx(math.sqrt(1.0 - less) * W0 / (2.0 * math.pi), rel=3e-3)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_cubic_bends_the_backbone_by_three_eighths(sign):
     k3 = sign * 2e10
