@@ -64,6 +64,8 @@ def driven_torque(assembly: Assembly) -> Vector:
     if chain.loop > 0.0:
         torque = looped(torque, chain.loop, 2.0 * run.grid_rate)
     factor = assembly.base("efficiency") * assembly.base("torque_scale") * chain.torque_gain
+    if chain.heat[0] != 0.0:
+        torque = heated(torque, 0.5 * assembly.problem.scales.motor_torque, *chain.heat, 2.0 * run.grid_rate)
     offset = assembly.base("torque_offset")
     if offset != 0.0:
         torque = torque + offset
@@ -76,6 +78,12 @@ def aged(u: Vector, steps: float) -> Vector:
     before, here, after = u[:-2], u[1:-1], u[2:]
     later[1:-1] += 0.5 * steps * (before - after) + 0.5 * steps * steps * (before - 2.0 * here + after)
     return later
+
+
+def heated(u: Vector, reference: float, share: float, time_constant: float, rate: float) -> Vector:
+    """u (1 - share h), t h' = (u/reference)^2 - h from h = 0: a torque constant that falls as the motor warms; shape of ``u``."""
+    warmth = lagged(np.concatenate([[0.0], np.square(u / reference)]), time_constant, rate)[1:]
+    return u * np.maximum(1.0 - share * warmth, 0.1)
 
 
 def lagged(u: Vector, time_constant: float, rate: float) -> Vector:

@@ -64,6 +64,8 @@ class Chain:
         accelerometer_gain: True over stated sensitivity [-].
         force_gain: The same of the hammer's force [-].
         torque_gain: True over stated torque constant or efficiency [-].
+        heat: Share by which the torque constant has fallen in the end where the torque stays at half its largest [-], and the
+            time constant of that [s].
         lags: Time constants of the stages through which the torque follows the logged one [s].
         loop: Time constant of a current loop tuned to the magnitude optimum [s], 0 without.
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
@@ -85,6 +87,7 @@ class Chain:
     accelerometer_gain: float = 1.0
     force_gain: float = 1.0
     torque_gain: float = 1.0
+    heat: tuple[float, float] = (0.0, 1.0)
     lags: tuple[float, ...] = ()
     loop: float = 0.0
     log_rate: float = math.inf

@@ -3,6 +3,7 @@ r"""Physics that the diagnosis contract's table does not hold, and that one of i
     T_S = K (1 + s sin(order angle + phase)) Delta       teeth or rollers that share the load by turns
     T_S = K Delta + (c + d |Delta|) Delta'                contacts that rub the more the further they are wound up
     motor held by a brake that slips above a torque       hits only
+    tau = eta n T_e (1 - s h), t h' = (T_e/T_0)^2 - h     a torque constant that falls as the motor warms within a run
 
 They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
 have no counterpart in the MuJoCo model.
@@ -18,12 +19,22 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, TURNED, possible_line
-from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    ParameterSpec,
+    Values,
+    needs_motor,
+    needs_motor_torque,
+    needs_spring,
+    one_start,
+)
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
+WARMING = (1.0, 4.0)  # s, time constants that are tried
 _HITS = ("hammer", "torque-sweep")
 _TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
 
@@ -48,6 +59,17 @@ def _slipping(assembly: Assembly, values: Values, weight: float) -> None:
         return
     S[kernel.MOTOR], S[kernel.FRICTION_M] = kernel.MOTOR_FREE, 1
     P[kernel.FM_PLUS] = P[kernel.FM_MINUS] = values[0]
+
+
+def _warming(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.heat = values[0], values[1]
+
+
+def _needs_runs_of_torque(problem: Problem) -> str | None:
+    reason = needs_motor(problem) or needs_motor_torque(problem)
+    if reason is None and problem.scales.duration < WARMING[0]:
+        return "no run is long enough for a motor to warm"
+    return reason
 
 
 def _rubbing_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -101,6 +123,23 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=_rubbing_sizes,
         starts=one_start,
         possible=needs_spring,
+    ),
+    EffectSpec(
+        name="warming",
+        location="motor",
+        variant="by-torque-squared",
+        family="input",
+        parameters=(
+            ParameterSpec("share", "1", 0.0, 0.9, null=0.0),
+            ParameterSpec("time_constant", "s", 0.1, 1e3, log=True),
+        ),
+        law="a torque constant that falls as the motor warms, eta n T_e (1 - share h)",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=("torque-gain", "payload", "load-dependent-friction"),
+        apply=_warming,
+        scale=lambda problem: (0.01, 0.05, 0.2),
+        starts=lambda problem: tuple((time,) for time in WARMING),
+        possible=_needs_runs_of_torque,
     ),
     EffectSpec(
         name="brake-slip",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.acquisition import heated
 from jointscope.diagnosis.effects import (
     DRIFT_PER_RUN,
     LATENT,
@@ -365,3 +366,13 @@ def test_a_brake_that_never_slips_is_a_held_motor(problem, truth):
     for a, b in zip(base, held, strict=True):
         for x, y in zip(a, b, strict=True):
             assert np.abs(x - y).max() < 1e-3 * max(np.abs(x).max(), 1e-9)
+
+
+def test_a_motor_that_warms_loses_its_torque_by_the_torque_squared():
+    """At a constant torque u the constant falls by share (u/u_0)^2 (1 - exp(-t/T)); cold, and without a share, by nothing."""
+    rate, t = 1000.0, np.arange(3000) / 1000.0
+    for u in (20.0, -35.0):
+        lost = 1.0 - heated(np.full(t.size, u), 50.0, 0.3, 0.8, rate) / u
+        expected = 0.3 * (u / 50.0) ** 2 * (1.0 - np.exp(-t / 0.8))
+        assert np.max(np.abs(lost - expected)) < 2e-3 * expected[-1]
+    assert np.array_equal(heated(np.full(t.size, 5.0), 50.0, 0.0, 0.8, rate), np.full(t.size, 5.0))
