@@ -36,12 +36,7 @@ from jointscope.recordings.reader import read_campaign
 
 Real = NDArray[np.float64]
 
-NUISANCE = (
-    "drive_",
-    "torque_age",
-    "torque_offset",
-    "torque_scale",
-)  # of the recording and its drive, never of a simulation
+NUISANCE = ("drive_", "torque_")  # of the recording and its drive, never of a simulation
 SIGMAS = 3.0
 RELATIVE = 0.005  # by which a parameter must differ to be worth a line
 _SHARE_OF_ENERGY = (0.05, 0.95)
