@@ -19,7 +19,7 @@ from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.objective import whitened
 from jointscope.diagnosis.opening import opening
 from jointscope.diagnosis.refit import Fit, least_squares
-from jointscope.diagnosis.search import Hypothesis, profile_loss
+from jointscope.diagnosis.search import Hypothesis, name_of, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.noise import NoiseModel
     from jointscope.diagnosis.objective import Objective
 
+PLAY = "backlash@transmission"
 FIRST = (2.0, 3.0, 4.5, 6.5)  # periods of the base's resonance after the hit, one fit each
 WIDER = 1.15  # times the periods before, from there on; a play's basin narrows as fast
 LAST = 80.0  # periods, beyond which a ring-down is over
@@ -59,9 +60,7 @@ def ring_downs(stage: Stage, objective: Objective, base: Fit, specs: Sequence[Ef
     problem = objective.problem
     runs = problem.runs
     hits = tuple(i for i in stage.objective.runs if runs[i].mode == "braked" and runs[i].load is not None)
-    laws = [
-        spec for spec in specs if spec.name == "backlash" and "centre" not in {p.name for p in spec.parameters}
-    ]
+    laws = [spec for spec in specs if name_of(spec) == PLAY and spec.variant != "off-centre"]
     if not hits or problem.scales.wind_up <= 0.0:
         return []
     hit, noise = replace(stage.objective, runs=hits, whiteners=()), stage.noise
@@ -108,7 +107,7 @@ def _whole(objective: Objective, fit: Fit) -> Fit:
 
 
 def _coarse(where: Coordinates) -> Coordinates:
-    rounded = any(parameter.name == "contact_depth" for spec in where.effects for parameter in spec.parameters)
+    rounded = any(spec.variant == "rounded" for spec in where.effects)
     return replace(where, step=np.full_like(where.step, ROUND if rounded else SHARP))
 
 

@@ -29,7 +29,7 @@ from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances
-from jointscope.diagnosis.ring_downs import ring_downs
+from jointscope.diagnosis.ring_downs import PLAY, ring_downs
 from jointscope.diagnosis.rivals import BEHIND, contained, grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
@@ -50,8 +50,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
-BEYOND = 2  # leading single effects that are started from beyond themselves
-PLAY = "backlash@transmission"
+
 IN_PLAY = 0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws

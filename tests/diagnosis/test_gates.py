@@ -321,6 +321,7 @@ def none_said():
         (35.0, 40.0, 40.0, 0.01, "none"),  # not beyond doubt
         (100.0, 40.0, 40.0, 0.001, "none"),  # too weak to matter
         (300.0, 150.0, 160.0, 0.001, "unknown"),  # too weak to matter, and there beyond doubt
+        (300.0, 150.0, 160.0, 0.0003, "none"),  # there, and less than the best of records holds
         (300.0, 80.0, 160.0, 0.001, "none"),  # much of it does not carry over
         (300.0, 150.0, 160.0, 0.0, "none"),  # no more than the echo of a log's noise
     ],

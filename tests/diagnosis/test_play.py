@@ -127,6 +127,15 @@ def test_a_gap_is_found_from_hits_that_begin_on_either_flank(builders):
     assert best.fit.chi2 < 0.15 * stage.fit.chi2
 
 
+def test_hits_on_a_joint_without_play_have_none(problem, recorded):
+    """The fits may end no better than the base, or better by what noise gives a few parameters: 15 nats at most."""
+    noisy = recorded(problem, 0.01)
+    with ThreadPoolExecutor(2) as pool:
+        stage = refit_base(noisy, predict_outputs, tuple(range(len(noisy.runs))), pool)
+        found = ring_downs(stage, stage.objective, stage.fit, catalogue(noisy))
+    assert all(0.5 * (stage.fit.chi2 - h.fit.chi2) < 15.0 for h in found)
+
+
 def test_where_nothing_hits_a_held_joint_there_is_no_ring_down(builders, plant):
     driven = prepare(builders.campaign_of([builders.sweep_run(plant, 30.0, "s")]))
     with ThreadPoolExecutor(1) as pool:
