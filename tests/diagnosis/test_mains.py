@@ -34,7 +34,7 @@ def test_the_grid_keeps_its_frequency(frequency, expected):
 
 
 @pytest.mark.parametrize(
-    ("frequency", "size", "stands"), [(50.02, 0.03, False), (53.7, 0.03, True), (50.02, 1.0, True)]
+    ("frequency", "size", "stands"), [(50.02, 0.1, False), (53.7, 0.1, True), (50.02, 1.0, True)]
 )
 def test_a_weak_hum_does_not_stand(builders, recorded, frequency, size, stands):
     plant = builders.Plant()
