@@ -23,7 +23,6 @@ from jointscope.diagnosis.energies import Energies, by_experiment, drowned, erro
 from jointscope.diagnosis.form import own_share
 from jointscope.diagnosis.gates import OWN_FORM, REAL, Comparison
 from jointscope.diagnosis.intervals import differs_from_nothing
-from jointscope.diagnosis.mains import HUM, hums
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
@@ -236,8 +235,6 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
     followed = {kind: energy for kind, energy in judgement.echo.energies.items() if str(kind[0]) in silent}
     material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies, followed)
-    if material < HUM and hums(child.hypothesis, parent.names):
-        material = 0.0
     held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
     if child.held_out.size:
         held = heard(held, judgement.held.prepared, silent)

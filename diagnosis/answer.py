@@ -11,7 +11,7 @@ import numpy as np
 from jointscope.diagnosis.adjudicate import Judged, compare
 from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.constancy import changes_json
-from jointscope.diagnosis.describe import DEPENDS, hum, showing
+from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import (
     ChannelError,
     Free,
@@ -272,7 +272,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
             "base_converged": diagnosis.stage.fit.converged,
             "base_gradient_ratio": number(diagnosis.stage.fit.gradient_ratio),
         },
-        "findings": [*problem.findings, *hum(diagnosis)],
+        "findings": list(problem.findings),
     }
     stranger = resembled(decision.ranking[0].judged)
     if decision.verdict == "unknown" and stranger is not None:

@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.adjudicate import Judged, Judgement, compare
-from jointscope.diagnosis.gates import REAL
-from jointscope.diagnosis.mains import hums, line_of
+from jointscope.diagnosis.adjudicate import Judged, Judgement
 from jointscope.diagnosis.noise import ANGULAR, dynamic_level
 from jointscope.diagnosis.objective import Predictions
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.pipeline import Diagnosis
     from jointscope.diagnosis.prepare import PreparedRun
 
 Vector = NDArray[np.float64]
@@ -102,16 +99,3 @@ def differing(runs: Sequence[PreparedRun], base: Predictions, model: Predictions
     top = max(shares.values())
     named = sorted((run for run, share in shares.items() if share >= NOTABLE * top), key=lambda run: -shares[run])
     return Showing((float(low), float(high)), tuple(named))
-
-
-def hum(diagnosis: Diagnosis) -> list[str]:
-    """What is said of a line of the mains that was seen and not named."""
-    judgement = diagnosis.judgement
-    for judged in judgement.judged:
-        line = line_of(judged.hypothesis)
-        if line is None or not hums(judged.hypothesis, ()) or judged.names == diagnosis.decision.chosen.names:
-            continue
-        seen = compare(judgement, judgement.base, judged)
-        if seen.gain > REAL and seen.material == 0.0:
-            return [f"A hum of {line:.2f} Hz, a multiple of the mains': taken for the recording's, and not named."]
-    return []

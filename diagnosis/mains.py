@@ -1,38 +1,129 @@
-"""Hum of the mains: a line at a multiple of 50 or 60 Hz, as weak as cables pick it up, which is no physics of the joint.
+"""Hum of the mains taken off: a line at a multiple of 50 or 60 Hz, as weak as cables pick it up, is no physics of the joint.
 
-A shaken floor and a ground loop look alike in one accelerometer. What tells them is the frequency, which the grid keeps
-to 0.2 %, and the size: a line of the mains below 2 % of a channel's signal is taken for the recording's, and reported.
+A shaken floor and a ground loop look alike in one accelerometer. What tells them is the frequency, which a grid keeps to
+0.2 %, and the size: a line of the mains below 2 % of a channel's signal is taken for the recording's. In each record,
+
+    y - Re(a exp(i 2 pi f t)),  a = 2 sum h r exp(-i 2 pi f t) / sum h,
+
+r what the base leaves, h a Hann window over where the record is quiet (a hit's second half), f common to all runs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Collection
+import numpy as np
+from numpy.typing import NDArray
 
-    from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.noise import dynamic_level
+from jointscope.diagnosis.resolution import clips
+from jointscope.diagnosis.whiten import is_hit
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.objective import Predict
+    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
+
+Vector = NDArray[np.float64]
 
 MAINS = (50.0, 60.0)  # Hz
 KEPT_TO = 0.002  # of its frequency, to which a grid is kept
 MULTIPLES = 6  # of it that cables pick up
+TRIED = 41  # frequencies within that band
 HUM = 0.02  # of a channel's signal, rms, below which such a line is the recording's
-VIBRATION = "external-vibration"
+BESIDE = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0)  # widths 1/T to either side, whose power a line is held against
+SHORT = 0.25  # s of quiet, below which a line and its neighbours are one
+STANDS = 12.0  # standard deviations by which its power over all records must exceed theirs
 
 
-def of_mains(frequency: float) -> bool:
-    """Whether a frequency [Hz] is a low multiple of the mains'."""
-    return any(abs(frequency / (k * mains) - 1.0) < KEPT_TO for mains in MAINS for k in range(1, MULTIPLES + 1))
+def without_hum(problem: Problem, theta: Vector, predict: Predict) -> Problem:
+    """``problem`` with the weak lines of the mains taken off its accelerations, and a finding for each.
+
+    Args:
+        theta: The refitted base, shape (n_theta,).
+        predict: The forward model.
+    """
+    left = [
+        [o.data - y for o, y in zip(run.outputs, predict(run, theta, (), problem), strict=True)]
+        for run in problem.runs
+    ]
+    found = [f for mains in MAINS for f in _lines(problem, left, mains)]
+    if not found:
+        return problem
+    runs = tuple(_taken_off(run, rows, found) for run, rows in zip(problem.runs, left, strict=True))
+    said = [f"hum of {f:.2f} Hz, a multiple of the mains': taken off as the recording's own" for f in found]
+    return replace(problem, runs=runs, findings=(*problem.findings, *said))
 
 
-def line_of(hypothesis: Hypothesis) -> float | None:
-    """Frequency [Hz] of the line from outside that a hypothesis holds, or ``None``."""
-    _, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
-    return next((a.values[0] for a in effects if a.spec.name == VIBRATION), None)
+def _lines(problem: Problem, left: Sequence[Sequence[Vector]], mains: float) -> list[float]:
+    """The multiples [Hz] of a grid's frequency near ``mains`` at which the records have a weak line."""
+    tried = mains * (1.0 + np.linspace(-KEPT_TO, KEPT_TO, TRIED))
+    heard: dict[int, tuple[Vector, Vector]] = {}
+    for k in range(1, MULTIPLES + 1):
+        takes = [
+            (run, o, r)
+            for run, rows in zip(problem.runs, left, strict=True)
+            for o, r in zip(run.outputs, rows, strict=True)
+            if _can_hum(run, o, k * mains) and np.all(np.isfinite(r))
+        ]
+        if not takes:
+            continue
+        beside = np.array([_beside(*take, k * mains) for take in takes])
+        power = np.array([[_power(*take, k * f) for take in takes] for f in tried])
+        excess = (np.sum(power / beside, axis=1) - len(takes)) / np.sqrt(len(takes))
+        level = np.array([dynamic_level(o) for _, o, _ in takes])
+        sizes = np.median(np.sqrt(0.5 * np.maximum(power - beside, 0.0)) / level, axis=1)
+        if np.max(excess) > STANDS:
+            heard[k] = (excess, sizes)
+    if not heard:
+        return []
+    best = int(np.argmax(sum(excess for excess, _ in heard.values())))
+    return [float(k * tried[best]) for k, (_, sizes) in heard.items() if sizes[best] < HUM]
 
 
-def hums(hypothesis: Hypothesis, known: Collection[str]) -> bool:
-    """Whether all that a hypothesis adds to the names ``known`` is a line of the mains."""
-    added = {spec.name for spec in hypothesis.specs if f"{spec.name}@{spec.location}" not in known}
-    line = line_of(hypothesis)
-    return added == {VIBRATION} and line is not None and of_mains(line)
+def _can_hum(run: PreparedRun, output: Output, frequency: float) -> bool:
+    if output.quantity not in ACCELERATIONS or frequency > 0.45 * output.rate or not dynamic_level(output) > 0.0:
+        return False
+    quiet = _quiet(run, output)
+    return float(np.count_nonzero(quiet)) / output.rate > SHORT and not clips(output)
+
+
+def _quiet(run: PreparedRun, output: Output) -> NDArray[np.bool_]:
+    quiet = output.mask.copy()
+    if is_hit(run):
+        quiet[: quiet.size // 2] = False
+    return quiet
+
+
+def _amplitude(run: PreparedRun, output: Output, r: Vector, frequency: float) -> complex:
+    where = _quiet(run, output)
+    t, x = output.times[where], r[where]
+    window = np.hanning(x.size)
+    x = x - np.sum(window * x) / np.sum(window)
+    return complex(2.0 * np.sum(window * x * np.exp(-2j * np.pi * frequency * t)) / np.sum(window))
+
+
+def _power(run: PreparedRun, output: Output, r: Vector, frequency: float) -> float:
+    return abs(_amplitude(run, output, r, frequency)) ** 2
+
+
+def _beside(run: PreparedRun, output: Output, r: Vector, frequency: float) -> float:
+    """Mean of |a|^2 to either side of a frequency."""
+    width = output.rate / np.count_nonzero(_quiet(run, output))
+    powers = [_power(run, output, r, frequency + side * k * width) for k in BESIDE for side in (-1, 1)]
+    return max(float(np.mean(powers)), 1e-300)
+
+
+def _taken_off(run: PreparedRun, left: Sequence[Vector], found: Sequence[float]) -> PreparedRun:
+    return replace(run, outputs=tuple(_outputs(run, left, found)))
+
+
+def _outputs(run: PreparedRun, left: Sequence[Vector], found: Sequence[float]) -> Iterator[Output]:
+    for output, r in zip(run.outputs, left, strict=True):
+        data = output.data
+        for f in found:
+            if _can_hum(run, output, f) and np.all(np.isfinite(r)):
+                data = data - np.real(_amplitude(run, output, r, f) * np.exp(2j * np.pi * f * output.times))
+        yield replace(output, data=data)

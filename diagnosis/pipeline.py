@@ -16,6 +16,7 @@ from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.constancy import Change, changes
 from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.locate import Places, judged_table, places
+from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
@@ -108,6 +109,10 @@ def diagnose(
     for _ in range(REALIGNED if inexact(problem) else 0):
         theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
         problem = realigned(problem, theta)
+        stage = refit_base(problem, predict, split.estimate, pool)
+    heard = without_hum(problem, stage.fit.coordinates.unpack(stage.fit.x)[0], predict)
+    if heard is not problem:
+        problem = heard
         stage = refit_base(problem, predict, split.estimate, pool)
     problem, stage = _at_size(problem, stage)
     specs = tuple(at_rig(spec, problem) for spec in specs)
