@@ -25,6 +25,7 @@ from jointscope.diagnosis.predict import free_prediction
 from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
+from jointscope.diagnosis.seen_weight import as_seen
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
 from jointscope.diagnosis.verdict import (
@@ -110,10 +111,11 @@ def diagnose(
         theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
         problem = realigned(problem, theta)
         stage = refit_base(problem, predict, split.estimate, pool)
-    heard = without_hum(problem, stage.fit.coordinates.unpack(stage.fit.x)[0], predict)
-    if heard is not problem:
-        problem = heard
-        stage = refit_base(problem, predict, split.estimate, pool)
+    for righted in (as_seen, without_hum):
+        found = righted(problem, stage.fit.coordinates.unpack(stage.fit.x)[0], predict)
+        if found is not problem:
+            problem = found
+            stage = refit_base(problem, predict, split.estimate, pool)
     problem, stage = _at_size(problem, stage)
     specs = tuple(at_rig(spec, problem) for spec in specs)
     outside = tuple(at_rig(spec, problem) for spec in STRANGERS)
@@ -141,5 +143,5 @@ def diagnose(
     report("weighing what to record next")
     suggestion = suggest(problem, judgement, whole.decision, pool)
     report("weighing what could not have been seen")
-    found = whole.decision.chosen if whole.decision.verdict == "effects" else judgement.base
-    return replace(whole, suggestion=suggestion, not_seen=unseen(problem, judgement, found, specs, pool))
+    named = whole.decision.chosen if whole.decision.verdict == "effects" else judgement.base
+    return replace(whole, suggestion=suggestion, not_seen=unseen(problem, judgement, named, specs, pool))

@@ -20,6 +20,7 @@ Family = Literal[
     "inertia", "contact", "external",
 ]  # fmt: skip
 Values = tuple[float, ...]
+CALIBRATED_TO = 0.001  # to which a sensor's factor is known at the very best
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,11 @@ class ActiveEffect:
         weight = 1.0 if weights is None else weights[assembly.run.index]
         if weight != 0.0 and not self.spec.is_null(self.values):
             self.spec.apply(assembly, self.values, weight)
+
+
+def beyond_calibration(values: Values) -> bool:
+    """Whether a gain lies beyond what any sensor is calibrated to."""
+    return abs(values[0] - 1.0) > CALIBRATED_TO
 
 
 def lasts(values: Values) -> bool:

@@ -73,3 +73,12 @@ def test_friction_that_falls_beyond_all_speeds_is_no_stribeck_friction(problem):
 def test_a_time_below_what_recorders_leave_open_is_no_effect(problem, name, variant, short, long):
     spec = next(s for s in catalogue(problem) if (s.name, s.variant) == (name, variant))
     assert spec.sensible(long) and not spec.sensible(short)
+
+
+def test_a_gain_that_no_calibration_holds_is_no_fault(problem):
+    """A long record tells a gain to 1e-5; a sensor's factor is known to a thousandth at the very best."""
+    specs = [s for s in catalogue(problem) if s.name in ("sensor-gain", "torque-gain")]
+    assert len(specs) >= 2
+    for spec in specs:
+        assert not spec.sensible((1.00014,)) and not spec.sensible((0.9995,))
+        assert spec.sensible((1.003,)) and spec.sensible((0.98,))
