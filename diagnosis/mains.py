@@ -46,13 +46,16 @@ def without_hum(problem: Problem, theta: Vector, predict: Predict) -> Problem:
         predict: The forward model.
     """
     left = [
-        [o.data - y for o, y in zip(run.outputs, predict(run, theta, (), problem), strict=True)]
+        [np.nan_to_num(o.data - y) for o, y in zip(run.outputs, predict(run, theta, (), problem), strict=True)]
         for run in problem.runs
     ]
     found = [f for mains in MAINS for f in _lines(problem, left, mains)]
     if not found:
         return problem
-    runs = tuple(_taken_off(run, rows, found) for run, rows in zip(problem.runs, left, strict=True))
+    runs = tuple(
+        replace(run, outputs=tuple(_outputs(run, rows, found)))
+        for run, rows in zip(problem.runs, left, strict=True)
+    )
     said = [f"hum of {f:.2f} Hz, a multiple of the mains': taken off as the recording's own" for f in found]
     return replace(problem, runs=runs, findings=(*problem.findings, *said))
 
@@ -66,7 +69,7 @@ def _lines(problem: Problem, left: Sequence[Sequence[Vector]], mains: float) -> 
             (run, o, r)
             for run, rows in zip(problem.runs, left, strict=True)
             for o, r in zip(run.outputs, rows, strict=True)
-            if _can_hum(run, o, k * mains) and np.all(np.isfinite(r))
+            if _can_hum(run, o, k * mains)
         ]
         if not takes:
             continue
@@ -116,14 +119,10 @@ def _beside(run: PreparedRun, output: Output, r: Vector, frequency: float) -> fl
     return max(float(np.mean(powers)), 1e-300)
 
 
-def _taken_off(run: PreparedRun, left: Sequence[Vector], found: Sequence[float]) -> PreparedRun:
-    return replace(run, outputs=tuple(_outputs(run, left, found)))
-
-
 def _outputs(run: PreparedRun, left: Sequence[Vector], found: Sequence[float]) -> Iterator[Output]:
     for output, r in zip(run.outputs, left, strict=True):
         data = output.data
         for f in found:
-            if _can_hum(run, output, f) and np.all(np.isfinite(r)):
+            if _can_hum(run, output, f):
                 data = data - np.real(_amplitude(run, output, r, f) * np.exp(2j * np.pi * f * output.times))
         yield replace(output, data=data)

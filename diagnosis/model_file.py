@@ -6,7 +6,7 @@
   "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value },
                  "runs": { run id: weight, for effects of some runs }, "range": [ends of an unnamed law's nodes] } ],
   "sensors": [ { "quantity", "location", "direction", "radius", "nth", "polarity": -1 if it counts the other way round,
-                 "offset": what it reads at rest [SI] } ] }
+                 "offset": what it reads at rest [SI], "weighs": false where its record refutes its weight } ] }
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from jointscope.diagnosis.effects import (
     with_run_weights,
 )
 from jointscope.diagnosis.effects.latent import node_range
+from jointscope.diagnosis.run_preparation import gravity_at
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Nameplate, Run, Signal
 
@@ -53,19 +54,20 @@ def model_json(problem: Problem, theta: Vector, effects: tuple[ActiveEffect, ...
 
 
 def _sensors(problem: Problem) -> list[dict[str, Any]]:
-    """Output channels that count the other way round or do not read zero at rest (mean over the runs), each once."""
-    seen: dict[tuple[Any, ...], tuple[dict[str, Any], float, list[float]]] = {}
+    """Channels that count the other way round, don't read zero at rest (mean over the runs) or weigh nothing, each once."""
+    seen: dict[tuple[Any, ...], tuple[dict[str, Any], float, bool, list[float]]] = {}
     for run in problem.runs:
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
         for output in run.declared:
             signal = signals[output.channel]
             sensor = sensor_of(run.run, signal)
-            _, _, levels = seen.setdefault(tuple(sensor.values()), (sensor, output.polarity, []))
-            levels.append(signal.channel.taken_off)
+            weighs = output.gravity == gravity_at(signal.channel, problem.rig)
+            found = seen.setdefault(tuple(sensor.values()), (sensor, output.polarity, weighs, []))
+            found[-1].append(signal.channel.taken_off)
     return [
-        {**sensor, "polarity": polarity, "offset": float(np.mean(levels))}
-        for sensor, polarity, levels in seen.values()
-        if polarity < 0.0 or any(levels)
+        {**sensor, "polarity": polarity, "offset": float(np.mean(levels)), "weighs": weighs}
+        for sensor, polarity, weighs, levels in seen.values()
+        if polarity < 0.0 or any(levels) or not weighs
     ]
 
 

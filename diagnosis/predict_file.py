@@ -30,6 +30,7 @@ def predict_campaign(
     """
     from jointscope.diagnosis.predict import free_prediction
     from jointscope.diagnosis.prepare import prepare_inputs
+    from jointscope.diagnosis.seen_weight import weightless
     from jointscope.diagnosis.starts import inverted
 
     problem = prepare_inputs(campaign)
@@ -37,13 +38,18 @@ def predict_campaign(
     predictions: dict[str, list[tuple[Signal, NDArray[np.float64]]]] = {}
     for run in problem.runs:
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
+        stated = {o.channel: _stated(model, sensor_of(run.run, signals[o.channel])) for o in run.declared}
+        run = weightless(run, {c for c, s in stated.items() if not s.get("weighs", True)})
         arrays = free_prediction(run, theta, effects, problem)
         predictions[run.run.id] = []
         for declared, y in zip(run.declared, arrays, strict=True):
-            signal = signals[declared.channel]
-            sensor = sensor_of(run.run, signal)
-            known: dict[str, Any] = next((s for s in model.get("sensors", ()) if sensor.items() <= s.items()), {})
+            signal, known = signals[declared.channel], stated[declared.channel]
             output = inverted(declared, run) if known.get("polarity", 1.0) < 0.0 else declared
             recorded = output.polarity * (np.asarray(y, dtype=np.float64) + output.offset)
             predictions[run.run.id].append((signal, recorded + known.get("offset", 0.0)))
     return predictions
+
+
+def _stated(model: Mapping[str, Any], sensor: Mapping[str, Any]) -> dict[str, Any]:
+    """What the model's file says of a sensor; nothing where it is as it should be."""
+    return next((s for s in model.get("sensors", ()) if sensor.items() <= s.items()), {})

@@ -313,7 +313,7 @@ def _output(
         direction=channel.direction,
         low_cutoff=low_cutoff,
         full_scale=channel.full_scale,
-        gravity=_gravity(channel, rig),
+        gravity=gravity_at(channel, rig),
         high_pass=corner,
         offset=offset,
         calibrated=channel.calibrated,
@@ -330,7 +330,8 @@ def _is_observed(channel: Channel, observed: Observed, device: int, rig: Namepla
     return kind and side == observed.side and speed == observed.rate_signal and device == observed.device
 
 
-def _gravity(channel: Channel, rig: Nameplate) -> float:
+def gravity_at(channel: Channel, rig: Nameplate) -> float:
+    """g that a sensor sees by what it is [m/s^2]; 0 where it does not."""
     vertical = rig.plane == "vertical" and rig.motion == "rotational"
     return STANDARD_GRAVITY if vertical and channel.quantity == "linear-acceleration" else 0.0
 

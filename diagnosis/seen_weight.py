@@ -10,36 +10,58 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.whiten import is_hit
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from numpy.typing import NDArray
+
     from jointscope.diagnosis.objective import Predict
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
 
-Vector = NDArray[np.float64]
 Sensor = tuple[str, str, float]
 
 HALF = 0.5  # of the error's energy that must be gone without the weight, over all runs that show it
 
 
-def as_seen(problem: Problem, theta: Vector, predict: Predict) -> Problem:
+def as_seen(problem: Problem, theta: NDArray[np.float64], predict: Predict) -> Problem:
     """``problem`` without the weight in AC-coupled accelerations where the base at ``theta``, shape (n_theta,), refutes it."""
-    seen = _errors(problem, theta, predict)
-    if not seen:
-        return problem
-    bare = _errors(_without(problem, set(seen)), theta, predict, set(seen))
-    refuted = {sensor for sensor, error in seen.items() if bare[sensor] < HALF * error}
+    left: dict[Sensor, NDArray[np.float64]] = {}
+    for run in problem.runs:
+        if is_hit(run) or not any(_coupled(o) and o.mask.any() for o in run.outputs):
+            continue
+        both = (predict(run, theta, (), problem), predict(weightless(run, _coupled_of(run)), theta, (), problem))
+        for k, output in enumerate(run.outputs):
+            if _coupled(output):
+                errors = [float(np.sum(np.square((output.data - y[k])[output.mask]))) for y in both]
+                left[_sensor(output)] = left.get(_sensor(output), np.zeros(2)) + errors
+    refuted = {sensor for sensor, (with_it, bare) in left.items() if bare < HALF * with_it < np.inf}
     if not refuted:
         return problem
     said = [
         f"accelerometer at the {place}, AC coupled: its weight does not turn with the arm"
         for place, _, _ in refuted
     ]
-    found = _without(problem, refuted)
-    return replace(found, findings=(*problem.findings, *sorted(said)))
+    runs = tuple(weightless(run, _coupled_of(run, refuted)) for run in problem.runs)
+    return replace(problem, runs=runs, findings=(*problem.findings, *sorted(said)))
+
+
+def weightless(run: PreparedRun, channels: Collection[tuple[int, int]]) -> PreparedRun:
+    """The run with no weight in outputs of these channels (device, column), declared ones too."""
+
+    def bare(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
+        return tuple(replace(o, gravity=0.0) if o.channel in channels else o for o in outputs)
+
+    return replace(run, outputs=bare(run.outputs), declared=bare(run.declared))
+
+
+def _coupled_of(run: PreparedRun, sensors: Collection[Sensor] | None = None) -> set[tuple[int, int]]:
+    """Channels of the run's AC-coupled accelerometers, of all or of these ``sensors``."""
+    coupled = [o for o in (*run.outputs, *run.declared) if _coupled(o)]
+    return {o.channel for o in coupled if sensors is None or _sensor(o) in sensors}
 
 
 def _sensor(output: Output) -> Sensor:
@@ -48,39 +70,3 @@ def _sensor(output: Output) -> Sensor:
 
 def _coupled(output: Output) -> bool:
     return output.quantity in ACCELERATIONS and output.low_cutoff is not None and output.gravity != 0.0
-
-
-def _errors(
-    problem: Problem, theta: Vector, predict: Predict, sensors: set[Sensor] | None = None
-) -> dict[Sensor, float]:
-    """Energy that the base leaves of each AC-coupled sensor in runs that move [signal's unit^2]."""
-    total: dict[Sensor, float] = {}
-    for run in problem.runs:
-        asked = [k for k, o in enumerate(run.outputs) if _asked(run, o, sensors)]
-        if not asked:
-            continue
-        predicted = predict(run, theta, (), problem)
-        for k in asked:
-            output = run.outputs[k]
-            left = (output.data - predicted[k])[output.mask]
-            if np.all(np.isfinite(left)):
-                sensor = _sensor(output)
-                total[sensor] = total.get(sensor, 0.0) + float(left @ left)
-    return total
-
-
-def _asked(run: PreparedRun, output: Output, sensors: set[Sensor] | None) -> bool:
-    if is_hit(run) or not output.mask.any():
-        return False
-    return _coupled(output) if sensors is None else _sensor(output) in sensors and output.low_cutoff is not None
-
-
-def _without(problem: Problem, sensors: set[Sensor]) -> Problem:
-    def bare(output: Output) -> Output:
-        return replace(output, gravity=0.0) if _coupled(output) and _sensor(output) in sensors else output
-
-    runs = [
-        replace(run, outputs=tuple(map(bare, run.outputs)), declared=tuple(map(bare, run.declared)))
-        for run in problem.runs
-    ]
-    return replace(problem, runs=tuple(runs))

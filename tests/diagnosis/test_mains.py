@@ -1,25 +1,28 @@
 """A weak line of the mains is taken off as the recording's; a line of any other frequency, a strong one, or none is left."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.effects import catalogue
 from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.noise import dynamic_level
+from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 
 
 def humming(builders, recorded, frequency, share):
-    """Six hits with white noise of 1 % and a line of ``share`` [-] of each record's rms at a phase of its own."""
+    """Six hits with white noise of 1 % and a steady line, ``share`` [-] of the records' rms, at a phase of its own in each."""
     plant = builders.Plant()
     own = prepare(builders.campaign_of([builders.hammer_run(plant, 100.0 + 40.0 * k, f"h{k}") for k in range(6)]))
     own = recorded(own, 0.01, seed=3)
     rng = np.random.default_rng(11)
+    a = share * np.sqrt(2.0) * float(np.mean([dynamic_level(o) for run in own.runs for o in run.outputs]))
 
     def hums(output):
-        a = share * np.sqrt(2.0) * dynamic_level(output)
         phase = rng.uniform(0.0, 2.0 * np.pi)
         return replace(output, data=output.data + a * np.sin(2.0 * np.pi * frequency * output.times + phase))
 
@@ -52,3 +55,13 @@ def test_what_is_no_hum_stays(builders, recorded, frequency, share):
     """A fan's frequency; a line too strong for a cable's; none at all: the very same problem."""
     _, loud = humming(builders, recorded, frequency, share)
     assert without_hum(loud, loud.base.start, predict_outputs) is loud
+
+
+@pytest.mark.parametrize(("frequency", "verdict"), [(50.02, "none"), (53.7, "effects")])
+def test_a_hum_is_no_answer_and_a_fan_is(builders, recorded, frequency, verdict):
+    _, loud = humming(builders, recorded, frequency, 0.015)
+    with ThreadPoolExecutor(2) as pool:
+        found = diagnose(loud, predict_outputs, catalogue(loud), pool)
+    assert found.decision.verdict == verdict
+    assert any(f.startswith("hum") for f in found.problem.findings) is (verdict == "none")
+    assert verdict == "none" or found.decision.chosen.names == ("external-vibration@base",)

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.model_file import model_json
 from jointscope.diagnosis.predict import predict_outputs
+from jointscope.diagnosis.predict_file import predict_campaign
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.seen_weight import as_seen
+from jointscope.diagnosis.seen_weight import as_seen, weightless
 
 G = 9.80665
 
@@ -52,3 +54,21 @@ def test_hits_alone_do_not_tell(builders):
     problem = prepare(builders.campaign_of([builders.hammer_run(builders.Plant(), 150.0, "h0")]))
     own = recorded_with(problem, 0.0)
     assert as_seen(own, own.base.start, predict_outputs) is own
+
+
+def test_a_model_takes_what_was_read_to_other_recordings(builders):
+    """Predictions by the file differ by what g cos q turns, and where nothing was refuted the file says nothing of it."""
+    plant = builders.Plant()
+    campaign = builders.campaign_of([builders.sweep_run(plant, 80.0, "s0")])
+    own = prepare(campaign)
+    channels = {o.channel for run in own.runs for o in run.outputs if o.quantity == "linear-acceleration"}
+    bare = replace(own, runs=tuple(weightless(run, channels) for run in own.runs))
+    models = [model_json(problem, own.base.start, ()) for problem in (own, bare)]
+    assert all(sensor["weighs"] for sensor in models[0]["sensors"])
+    assert [
+        sensor["weighs"] for sensor in models[1]["sensors"] if sensor["quantity"] == "linear-acceleration"
+    ] == [False]
+    told = [{s.channel.quantity: y for s, y in predict_campaign(model, campaign)["s0"]} for model in models]
+    apart = told[0]["linear-acceleration"] - told[1]["linear-acceleration"]
+    assert np.std(apart) > 1e-3
+    assert told[0]["angle"] == pytest.approx(told[1]["angle"])
