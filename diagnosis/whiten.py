@@ -2,9 +2,9 @@
 
 Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), H H' of what the noise of the recorded input makes the
 model do (``input_scatter``), and s_0^2 1 1' for each angle: where between two steps of its encoder the first one was, no record
-tells. With U = L^-1 [s_g y, s_t y., H, s_0 1] and U = Q R,
-w = (I - Q S Q') L^-1 r with S = V diag(1 - (1 + lambda)^-1/2) V', V lambda V' = R R', is the symmetric square root of
-Woodbury's identity: w'w = r' Sigma^-1 r exactly, and w is linear in r.
+tells. With U = L^-1 [s_g y, s_t y., H, s_0 1], U'U = V lambda V' and D = U V lambda^-1/2,
+w = (I - D diag(1 - (1 + lambda)^-1/2) D') L^-1 r is the symmetric square root of Woodbury's identity:
+w'w = r' Sigma^-1 r exactly, and w is linear in r.
 """
 
 from __future__ import annotations
@@ -73,22 +73,39 @@ class OutputFilter:
 
 
 @dataclass(frozen=True, eq=False)
+class Likely:
+    """(U'U + I)^-1 U' w: the most likely amounts of what scatters by one of each column of U, by the filtered residual w.
+
+    Attributes:
+        u: U, shape (n, k).
+        gram: U'U, shape (k, k).
+    """
+
+    u: NDArray[np.float64]
+    gram: NDArray[np.float64]
+
+    def __call__(self, w: Vector) -> Vector:
+        """The amounts, shape (k,)."""
+        return np.asarray(np.linalg.solve(self.gram + np.eye(len(self.gram)), self.u.T @ w), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
 class RunWhitener:
     """Sigma^-1/2 of one run, its outputs stacked.
 
     Attributes:
         filters: One per output.
-        directions: Q V, the orthonormal scatter directions, shape (n_kept, r).
+        directions: D, the orthonormal scatter directions, shape (n_kept, r).
         shrink: 1 - (1 + lambda)^-1/2 of each.
         scatter: Of a hit, one standard deviation of everything that scatters, per output, shapes (n, k).
-        estimate: Its most likely amounts by the filtered residual, (U'U + I)^-1 U', shape (k, n_kept).
+        likely: Of a hit, how much of each most likely happened.
     """
 
     filters: tuple[OutputFilter, ...]
     directions: NDArray[np.float64]
     shrink: Vector
     scatter: tuple[NDArray[np.float64], ...] = ()
-    estimate: NDArray[np.float64] | None = None
+    likely: Likely | None = None
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -121,9 +138,9 @@ class RunWhitener:
 
         Within what scatters: a hit whose gain is 80 standard deviations off was not hit harder, the model is wrong.
         """
-        if self.estimate is None:
+        if self.likely is None:
             return residuals
-        amounts = np.clip(self.estimate @ self.filter(residuals)[:, 0], -SCATTERS, SCATTERS)
+        amounts = np.clip(self.likely(self.filter(residuals)[:, 0]), -SCATTERS, SCATTERS)
         return [r - c @ amounts for r, c in zip(residuals, self.scatter, strict=True)]
 
 
@@ -174,14 +191,10 @@ def without_scatter(
         own = within_scatter(np.array(own_scatter(run, predicted, bare)), noise)
         left = [r - c @ own for r, c in zip(left, scatter_columns(run, predicted), strict=True)]
     if pushed is not None:
-        eta = _most_likely(bare.filter(pushed)) @ bare.filter(left)[:, 0]
+        u = bare.filter(pushed)
+        eta = Likely(u, u.T @ u)(bare.filter(left)[:, 0])
         left = [r - h @ eta for r, h in zip(left, pushed, strict=True)]
     return [asked_only(r, sections) for r, sections in zip(left, below, strict=True)]
-
-
-def _most_likely(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(U'U + I)^-1 U', which gives the most likely amounts of what scatters by one of each column of U, shape (k, n)."""
-    return np.asarray(np.linalg.solve(u.T @ u + np.eye(u.shape[1]), u.T), dtype=np.float64)
 
 
 def own_scatter(run: PreparedRun, predicted: Sequence[Vector], bare: RunWhitener) -> tuple[float, float]:
@@ -284,13 +297,14 @@ def marginalised(
     if not any(c.shape[1] for c in columns):
         return bare
     u = bare.filter(columns)
-    q, r = np.linalg.qr(u)
-    eigenvalues, vectors = np.linalg.eigh(r @ r.T)
+    gram = u.T @ u
+    eigenvalues, vectors = np.linalg.eigh(gram)
     felt = eigenvalues > UNFELT
+    directions = u @ (vectors[:, felt] / np.sqrt(eigenvalues[felt]))
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + eigenvalues[felt])
     if not is_hit(run):
-        return RunWhitener(bare.filters, q @ vectors[:, felt], shrink)
-    return RunWhitener(bare.filters, q @ vectors[:, felt], shrink, tuple(columns), _most_likely(u))
+        return RunWhitener(bare.filters, directions, shrink)
+    return RunWhitener(bare.filters, directions, shrink, tuple(columns), Likely(u, gram))
 
 
 def hit_scatter(
