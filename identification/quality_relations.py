@@ -33,6 +33,7 @@ from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque
 
 Real = NDArray[np.float64]
+_ACCELERATIONS = ("linear-acceleration", "acceleration")
 
 
 def run_relations(run: Run, rig: Nameplate) -> Iterator[Relation]:
@@ -92,9 +93,10 @@ def as_sensed(
 ) -> Real:
     """What an accelerometer makes of a motion: gravity's share and the high-pass of its coupling."""
     channel = sensor.channel
-    if channel.quantity != "linear-acceleration" or first.channel.quantity == "linear-acceleration":
+    if channel.quantity not in _ACCELERATIONS or first.channel.quantity in _ACCELERATIONS:
         return motion
-    if rig.plane == "vertical" and ORDER[first.channel.quantity] == 0 and channel.radius:
+    on_an_arm = channel.quantity == "linear-acceleration"
+    if on_an_arm and rig.plane == "vertical" and ORDER[first.channel.quantity] == 0 and channel.radius:
         q = as_motion(first, grid, rig, band, 0)
         q = q - q[0] + run.arm_angle
         motion = motion + STANDARD_GRAVITY / channel.radius * np.cos(q)

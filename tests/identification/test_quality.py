@@ -224,6 +224,28 @@ def test_a_late_device_is_named_with_its_delay(bench, late):
     assert f"{abs(1e3 * late):.0f}" in f"{float(found[0].detail.split()[0]):.0f}"
 
 
+@pytest.mark.parametrize("late", [0.0, 0.006])
+def test_what_an_ac_coupled_slide_leads_is_no_skew(late):
+    rate, corner = 2000.0, 0.5
+    t = np.arange(round(6.0 * rate)) / rate
+    force = chirp(t, 2.0, 6.0, 40.0)
+    x = np.cumsum(np.cumsum(force - force.mean())) / rate**2 / 8.0
+    x -= np.polyval(np.polyfit(t, x, 1), t)
+    k = 1.0 - 2 * math.pi * corner / rate
+    felt = lfilter([1.0, -1.0], [1.0, -k], np.gradient(np.gradient(x, t), t))
+    drive = Channel(column="f", quantity="force", unit="N", location="motor", role="input", samples=force)
+    place = Channel(column="x", quantity="position", unit="m", location="load", role="output", samples=x)
+    sensor = Channel(
+        column="a", quantity="acceleration", unit="m/s^2", location="load", role="output", coupling="ac",
+        low_cutoff=corner, samples=felt,
+    )  # fmt: skip
+    streams = (replace(stream(rate, sensor), start=late), stream(rate, drive, place))
+    rig = Nameplate(topology="two-inertia", motion="translational", plane="horizontal", motor_inertia=4.0)
+    run = Run(id="r", experiment="torque-sweep", streams=streams, brake=False)
+    found = [f for f in findings(Campaign(path=Path("."), rig=rig, runs=(run,))) if f.finding == "clock-skew"]
+    assert [f.channel for f in found] == (["a"] if late else [])
+
+
 def test_a_start_that_is_said_to_be_unknown_is_no_skew(bench):
     run = bench.runs[0]
     streams = (replace(run.streams[0], start=0.004, start_uncertainty=math.inf), run.streams[1])
