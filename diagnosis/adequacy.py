@@ -39,6 +39,7 @@ LAGS = 400  # at least, over which the noise's own memory is counted: a joint ri
 BURST = 0.25  # s over which the noise's power is averaged
 EXCESS = 0.01  # of the signal's rms: unexplained residual that is worth explaining
 SURE = 3.0  # standard errors by which common energy must stand out: 1.5 at most in 40 blocks of 14 nulls
+DIFFERING = 6  # pairs from which their own scatter can be told
 COARSE = 0.25  # of a residual's energy that is the quantiser's, above which nothing can be told from it
 
 
@@ -207,6 +208,18 @@ def _pairs(takes: Sequence[_Take]) -> list[tuple[float, float, float]]:
     return found
 
 
+def _standard_error(found: Sequence[tuple[float, float, float]]) -> float:
+    """Of the mean common energy: from the noise's memory, or from how the pairs differ where that is more.
+
+    A joint that ambient noise keeps ringing gives two or three independent values per record, from which no memory can be told.
+    """
+    if not found:
+        return math.nan
+    values = np.array([m for _, m, _ in found])
+    differing = float(np.std(values, ddof=1)) if len(found) >= DIFFERING else 0.0
+    return max(math.sqrt(sum(v for _, _, v in found)) / len(found), differing / math.sqrt(len(found)))
+
+
 def input_period(run: PreparedRun) -> float | None:
     """Period of what drives the run [s] where it repeats itself at least twice, else ``None``."""
     drive = run.motor or run.load
@@ -278,7 +291,7 @@ def adequacy(
                 float(np.mean([_mean_square(take.model[take.output.mask]) for _, take in rows])),
                 float(np.mean([b for b, _, _ in found])) if count else math.nan,
                 float(np.mean([m for _, m, _ in found])) if count else math.nan,
-                math.sqrt(sum(v for _, _, v in found)) / count if count else math.nan,
+                _standard_error(found),
             )
         )
     telling = [b for b in blocks if b.excess > EXCESS]

@@ -25,13 +25,14 @@ from jointscope.diagnosis.gates import OWN_FORM, REAL, Comparison
 from jointscope.diagnosis.intervals import differs_from_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
+from jointscope.diagnosis.poles import joint_poles
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.twins import twins
-from jointscope.diagnosis.vibration import resonance
 
 Vector = NDArray[np.float64]
+WITNESSES = 3  # held-out runs that must all gain as foretold, where an amplitude's interval holds none at all
 REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
 NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
@@ -294,14 +295,12 @@ def score(judgement: Judgement, candidate: Judged) -> float:
 def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
     """Whether the child adds a line at the joint's own resonance, which broadband noise leaves there as well."""
     theta, effects = child.fit.coordinates.unpack(child.fit.x)
-    pole = resonance(judgement.objective.problem, theta)
+    poles = joint_poles(judgement.objective.problem, theta)
     lines = [
         a.values[0] for a in effects if a.spec.profiled and f"{a.spec.name}@{a.spec.location}" not in parent.names
     ]
-    if pole is None or not lines:
-        return False
-    apart = min(abs(line / pole[0] - 1.0) for line in lines)
-    return apart < NEAR_RESONANCE + pole[1] and compare(judgement, parent, child).gain < REAL_RESONANT
+    on_one = any(abs(line / f - 1.0) < NEAR_RESONANCE + zeta for line in lines for f, zeta in poles.values())
+    return on_one and compare(judgement, parent, child).gain < REAL_RESONANT
 
 
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
@@ -353,8 +352,11 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue
-        if not differs_from_nothing(judgement.objective, child.fit):
-            continue
+        seen_by_all = len(judgement.held.runs) >= WITNESSES and all(
+            c.evident and c.share_of_runs == 1.0 for c in over
+        )
+        if not seen_by_all and not differs_from_nothing(judgement.objective, child.fit):
+            continue  # of an amplitude that its own shape can undo an interval says nothing
         weak = [part for part, c in zip(parts, over, strict=True) if not c.stands]
         if weak:
             asked.append((child, weak))

@@ -10,6 +10,7 @@ error, Ljung 1999, section 4.2). What eta would make ring at the joint's own res
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.signal.windows import hann
 
+from jointscope.diagnosis.poles import Pole, joint_poles
 from jointscope.diagnosis.recorder_step import recorder_step
 from jointscope.recordings.campaign import gearing
 
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 WINDOW = 0.25  # s
 QUIET = 25.0  # per cent of the windows, whose level is the log's noise
-Pole = tuple[float, float]  # frequency [Hz] and damping ratio [-]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,11 @@ def ringing(pole: Pole, share: float, rate: float) -> Ringing:
     return Ringing(second_order(frequency, zeta, rate), wide, rate)
 
 
+def shaken(pole: Pole, peak: float, rate: float) -> Ringing:
+    """The same for an acceleration of a joint that is shaken, with noise ``peak`` times the sensor's power at its pole."""
+    return ringing(pole, 4.0 * pole[1] ** 2 * peak, rate)
+
+
 def second_order(frequency: float, zeta: float, rate: float) -> Vector:
     """Monic polynomial in z^-1 with the sampled poles of s^2 + 2 zeta w s + w^2, shape (3,)."""
     w = 2.0 * math.pi * min(frequency, 0.45 * rate) / rate
@@ -78,15 +84,17 @@ def second_order(frequency: float, zeta: float, rate: float) -> Vector:
 
 @dataclass(frozen=True)
 class Inlet:
-    """How the noise of a torque log reaches the outputs of the model that was fitted.
+    """How the noise of a torque log, and what shakes the joint, reach the outputs of the model that was fitted.
 
     Attributes:
         inertia: Of everything that moves [kg m^2 or kg].
         factor: Torque at the output per unit of the log [-].
+        poles: Where the joint rings, by whether its motor moves.
     """
 
     inertia: float
     factor: float
+    poles: Mapping[bool, Pole]
 
 
 def inlet(problem: Problem, theta: Vector) -> Inlet:
@@ -94,7 +102,7 @@ def inlet(problem: Problem, theta: Vector) -> Inlet:
     b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
     two = problem.rig.topology == "two-inertia"
     inertia = b["load_inertia"] + (b["motor_inertia"] if two else 0.0)
-    return Inlet(max(inertia, 1e-300), b["efficiency"] * b["torque_scale"])
+    return Inlet(max(inertia, 1e-300), b["efficiency"] * b["torque_scale"], joint_poles(problem, theta))
 
 
 def log_noise(samples: Vector, rate: float) -> float:

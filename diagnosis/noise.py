@@ -21,7 +21,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ
-from jointscope.diagnosis.input_noise import Pole, Ringing, ringing
+from jointscope.diagnosis.input_noise import Ringing, ringing, shaken
+from jointscope.diagnosis.poles import Pole
 from jointscope.diagnosis.recorder_step import recorder_step
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ Key = tuple[object, ...]
 MAX_ORDER = 12
 ABOUT = (0.3, 1.0, 3.0)  # times the power of input noise that the torque log itself shows
 NO_MATTER = 1e-3  # of the sensor's own power
+PEAKS = (3.0, 10.0, 30.0, 100.0, 300.0)  # power at the joint's own pole that is tried, over the sensor's
 RINGS = 1e-3  # nats per sample by which a resonance in the noise must pay
 RELATIVE_FLOOR = 2e-3  # of a signal's rms: no instrument chain is modelled more closely than this
 ANGULAR_FLOOR = 0.001  # the same of what an angle does within the quarter second that an observer does not follow, coloured alike
@@ -199,6 +201,7 @@ def block_noise(
     quantum: float = 0.0,
     pole: Pole | None = None,
     share_of_input: float = 0.0,
+    own_pole: Pole | None = None,
 ) -> BlockNoise:
     """Noise of one block from its residuals, with per-run scatter taken off already.
 
@@ -209,6 +212,7 @@ def block_noise(
         quantum: Step of the recorder [the output's unit].
         pole: The observer's, through which the noise of an input comes, where one does.
         share_of_input: Its power over the sensor's own far below that resonance, by the log's own white part [-].
+        own_pole: The joint's, at which an acceleration shows what shakes it.
     """
     level = float(np.sqrt(np.mean([dynamic_level(o) ** 2 for o in outputs])))
     coloured = slowly_followed(outputs[0])
@@ -225,6 +229,8 @@ def block_noise(
     filters: list[Ringing | None] = [None]
     if pole is not None and share_of_input > NO_MATTER:
         filters.extend(ringing(pole, times * share_of_input, outputs[0].rate) for times in ABOUT)
+    if own_pole is not None:
+        filters.extend(shaken(own_pole, peak, outputs[0].rate) for peak in PEAKS)
     if not coloured:
         marginal, kappa = _relative_error(segments, envelopes, floor)
         ratio = kappa / marginal

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.channels import ACCELERATIONS
-from jointscope.diagnosis.input_noise import Pole
 from jointscope.diagnosis.wind_up import WIND_UP
 from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
+    from jointscope.diagnosis.problem import Output, PreparedRun
 
 Vector = NDArray[np.float64]
 
@@ -81,20 +80,3 @@ def response(assembly: Assembly, run: PreparedRun, output: Output, omega: float)
     if output.quantity in ACCELERATIONS:
         return complex(s * s * truth[0] * scale)
     return 0.0
-
-
-def resonance(problem: Problem, theta: Vector) -> Pole | None:
-    """Frequency [Hz] and damping ratio [-] of the joint with its motor free; ``None`` for a rig of one inertia.
-
-    w^2 = K (1/J_M + 1/J_L), 2 zeta w = c (1/J_M + 1/J_L) + what stands outside; the dampers of motor and
-    load act with the mode's own shares, (b_m/J_M^2 + b_l/J_L^2) / (1/J_M + 1/J_L).
-    """
-    b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
-    if problem.rig.topology != "two-inertia" or min(b["stiffness"], b["motor_inertia"], b["load_inertia"]) <= 0.0:
-        return None
-    by_motor, by_load = 1.0 / b["motor_inertia"], 1.0 / b["load_inertia"]
-    both = by_motor + by_load
-    w = np.sqrt(b["stiffness"] * both)
-    outside = (b["motor_damping"] * by_motor**2 + b["load_damping"] * by_load**2) / both
-    zeta = 0.5 * (b["damping"] * both + outside) / w
-    return float(w / (2.0 * np.pi)), float(np.clip(zeta, 1e-3, 0.9))

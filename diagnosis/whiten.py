@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from jointscope.diagnosis.assembly import OBSERVER_ZETA, observer_corner
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.excitation import asked_only, below_excitation
-from jointscope.diagnosis.input_noise import Inlet, Pole, Ringing, noise_share
+from jointscope.diagnosis.input_noise import Inlet, Ringing, noise_share
 from jointscope.diagnosis.noise import (
     ANGULAR,
     GAIN_BOUNDS,
+    MAX_ORDER,
     TIMING_BOUNDS,
     BlockNoise,
     Key,
@@ -34,6 +36,7 @@ from jointscope.diagnosis.noise import (
     slowly_followed,
     white,
 )
+from jointscope.diagnosis.poles import Pole
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.input_scatter import Pushes
@@ -342,9 +345,13 @@ def estimate_noise(
     gain, timing, _ = hit_scatter(runs, before, predictions)
     poles: dict[Key, Pole] = {}
     shares: dict[Key, list[float]] = {}
+    own: dict[Key, Pole] = {}
     for run in runs:
         for output in run.outputs:
             key, observed = block_key(run, output), run.mode == "observer" and output.quantity in ANGULAR
+            late = way is not None and max_order >= MAX_ORDER  # early, it would be what the parameters are off by
+            if way is not None and late and output.quantity in ACCELERATIONS and run.motor_moves in way.poles:
+                own[key] = way.poles[run.motor_moves]
             if observed:  # what reaches an accelerometer through the resonance is taken off the input itself
                 poles[key] = (observer_corner(run), OBSERVER_ZETA)
                 w0 = 2.0 * np.pi * observer_corner(run)
@@ -367,6 +374,7 @@ def estimate_noise(
             max(quantum(o) for o in outputs[key]),
             poles.get(key),
             float(np.median(shares.get(key, [0.0]))),
+            own.get(key),
         )
         for key in outputs
     }

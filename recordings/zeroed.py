@@ -23,6 +23,7 @@ FOUND_IN = 1.0 / 3.0  # of a channel's runs, which makes an offset the channel's
 AT_LEAST = 2  # ... and in as many runs
 UNLIKE = 0.05  # of g, between the weights of postures that tell a constant from a share of the weight
 SAME = 0.03  # of an offset, within which its readings are one
+TELLS = 8.0  # twice the nats by which a constant must fit better than a share of the weight
 SCATTERED = 3.0  # standard errors of a reading, within which they scatter about one offset: noise may be slow
 
 Sensor = tuple[str, str, str, float, float]
@@ -104,13 +105,21 @@ def _beside_weight(run: Run, signal: Signal, rig: Nameplate) -> tuple[float, flo
 
 
 def _of_all_postures(known: Mapping[int, tuple[float, float, float]]) -> dict[int, float]:
-    """The offset of every run of a sensor that weighs itself, where it is certain and the same in unlike postures."""
+    """The offset of every run of a sensor that weighs itself, where it is certain and the same in unlike postures.
+
+    Certain as the mean of all readings: each may be as uncertain as it is large. A share of the weight must fit them worse.
+    """
     level, error, weight = (np.array(column) for column in zip(*known.values(), strict=True))
     common, uncertain = float(np.mean(level)), float(np.median(error))
     unlike = float(np.ptp(weight)) > UNLIKE * STANDARD_GRAVITY
     alike = float(np.max(np.abs(level - common))) < max(CERTAIN * uncertain, SAME * abs(common))
-    certain = abs(common) > CERTAIN * uncertain
-    return dict.fromkeys(known, common) if unlike and alike and certain else {}
+    certain = abs(common) > CERTAIN * max(uncertain, float(np.std(level))) / math.sqrt(level.size)
+    if not (unlike and alike and certain):
+        return {}
+    share = float(level @ weight) / float(weight @ weight)
+    floor = level.size * (1e-3 * common) ** 2  # no two readings are nearer to each other
+    constant, shared = (float(np.sum(np.square(level - x))) + floor for x in (common, share * weight))
+    return dict.fromkeys(known, common) if level.size * math.log(shared / constant) > TELLS else {}
 
 
 def _without(run: Run, levels: dict[int, float]) -> Run:

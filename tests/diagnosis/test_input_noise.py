@@ -59,7 +59,7 @@ def test_a_record_that_stands_still_has_no_share_of_an_inputs_noise():
     """A motor held by its friction: no step, no noise, and nothing to divide by."""
     motor = SimpleNamespace(noise=0.1, signal=SimpleNamespace(rate=RATE))
     run = SimpleNamespace(motor=motor, ratio=100.0)
-    way = Inlet(inertia=2.0, factor=1.0)
+    way = Inlet(inertia=2.0, factor=1.0, poles={})
     still = SimpleNamespace(
         quantity="angle", data=np.full(400, 0.3), mask=np.ones(400, dtype=bool), location="motor", rate=RATE
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jointscope.recordings.campaign import Campaign, Channel, Nameplate, Run, Stream
+from jointscope.recordings.quality_rest import CERTAIN, quiet_level
 from jointscope.recordings.zeroed import zeroed
 
 RATE, N, HIT = 1024.0, 4096, 256
@@ -141,3 +142,19 @@ def test_an_offset_beside_the_weight_comes_off_and_the_weight_stays():
 )
 def test_what_may_be_a_share_of_the_weight_stays(campaign):
     assert zeroed(campaign)[0] is campaign
+
+
+POSTURES = (0.0, -0.4, -0.9) * 5
+
+
+def test_an_offset_that_no_single_reading_is_sure_of_comes_off_and_as_small_a_share_of_the_weight_stays():
+    one = upright(-0.015, POSTURES[:1]).runs[0]
+    reading = quiet_level(one, one.signals[1])
+    assert reading is not None
+    assert abs(reading[0] - 9.80665) < CERTAIN * reading[1]
+    found, lines = zeroed(upright(-0.015, POSTURES))
+    assert len(lines) == len(POSTURES)
+    off = [c.taken_off for run in found.runs for c in run.streams[0].channels[1:]]
+    assert off == pytest.approx([-0.015] * len(POSTURES), abs=2e-3)
+    shared = upright(0.0, POSTURES, gain=0.998)
+    assert zeroed(shared)[0] is shared
