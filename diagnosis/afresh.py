@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.base import relative_misfit
+from jointscope.diagnosis.base import EARLY_ORDER, Stage, relative_misfit, rewhiten
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
-from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.screen import resized
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.objective import Objective
 
 Vector = NDArray[np.float64]
@@ -29,6 +31,8 @@ ASTRAY = 0.5  # of the data's rms, left by the base in the median channel
 FAMILIES = ("stiffness", "hysteretic")
 FACTORS = (1.0, 2.0, 4.0, -1.0, -2.0, -4.0)  # times the trials' sizes
 TRIED = 4  # laws fitted
+REFITTED = 60  # simulations of all runs under one noise
+NOISES = 2  # of its own, one after the other
 
 
 def afresh(
@@ -64,6 +68,33 @@ def afresh(
         if fit is not None and fit.chi2 < base.chi2:
             fitted.append(Hypothesis((active.spec,), fit, profile_loss(objective, fit.w)))
     return fitted
+
+
+def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec]) -> list[Hypothesis]:
+    """What some runs carry and others do not, fitted under noise of its own where the base lies between the two groups.
+
+    Such a base leaves so much, in proportion to the signal, that under its noise no response at all is as good as any.
+
+    Args:
+        objective: Under whose noise the fits are compared with others.
+        specs: Laws with their runs chosen.
+    """
+    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    chosen = [spec for spec in specs if spec.run_weights is not None]
+    if not chosen or relative_misfit(stage.objective.prepared, stage.predictions) < ASTRAY:
+        return []
+    found = []
+    for spec in chosen:
+        problem = stage.objective.problem
+        where, own, noise = coordinates(problem, (spec,)), stage.objective, stage.noise
+        start = ActiveEffect(spec, (spec.scale(problem)[1], *spec.starts(problem)[0]))
+        fit = least_squares(own, where, where.pack(theta, (start,)), simulations=REFITTED)
+        for _ in range(NOISES):
+            own, noise, _ = rewhiten(own, fit, noise, EARLY_ORDER)
+            fit = least_squares(own, where, fit.x, simulations=REFITTED)
+        w = objective.residual(fit.x, where)
+        found.append(Hypothesis((spec,), replace(fit, w=w, fresh=False), profile_loss(objective, w)))
+    return found
 
 
 def _two_sided(active: ActiveEffect) -> bool:

@@ -31,6 +31,7 @@ Vector = NDArray[np.float64]
 Respond = Callable[["PreparedRun"], tuple[Vector, ...]]
 Pushes = tuple[NDArray[np.float64], ...]
 
+VISCOSITY = 0.03  # of viscous friction, by which it scatters from run to run: oil of one kelvin more
 STEP = 5.0  # times the noise, by which one sample is moved to find h
 
 
@@ -42,7 +43,7 @@ def pushes(
     predict: Predict,
     predicted: Sequence[Vector],
 ) -> Pushes | None:
-    """What the noise of the recorded input does to each output, shapes (n, m): their covariance is the columns' H H'.
+    """What a recorded input's noise and the oil's warmth do to each output, shapes (n, m): their covariance is H H'.
 
     ``None`` where nothing is recorded with noise, or where the model flies apart.
     """
@@ -52,7 +53,25 @@ def pushes(
 
     if run.run.experiment == "hammer":
         return _of_the_contact(run, respond, predicted)
-    return _of_the_log(run, respond, predicted)
+    warmer = predict(run, _warmer(problem, theta), effects, problem)
+    found = [p for p in (_of_the_log(run, respond, predicted), _of_the_oil(warmer, predicted)) if p is not None]
+    return tuple(np.concatenate(columns, axis=1) for columns in zip(*found, strict=True)) if found else None
+
+
+def _warmer(problem: Problem, theta: Vector) -> Vector:
+    """The base in a run whose oil is as much warmer than on average as it may well be."""
+    moved = theta.copy()
+    for name in ("motor_damping", "load_damping"):
+        moved[problem.base.names.index(name)] *= 1.0 - VISCOSITY
+    return moved
+
+
+def _of_the_oil(warmer: Sequence[Vector], predicted: Sequence[Vector]) -> Pushes | None:
+    """What one standard deviation of the oil's viscosity from run to run does."""
+    columns = tuple((z - y)[:, None] for z, y in zip(warmer, predicted, strict=True))
+    if not all(np.all(np.isfinite(c)) for c in columns) or not any(np.any(c) for c in columns):
+        return None
+    return columns
 
 
 def _of_the_log(run: PreparedRun, respond: Respond, predicted: Sequence[Vector]) -> Pushes | None:

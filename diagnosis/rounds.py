@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
-from jointscope.diagnosis.afresh import afresh
+from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.eased import eased
 from jointscope.diagnosis.effects.coupled import PLAIN
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.extensions import extensions
@@ -244,6 +245,7 @@ def explore(
     report("fitting single effects")
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
+    singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
     bends = any(spec.variant == PLAIN.variant for spec in specs)
@@ -251,6 +253,9 @@ def explore(
         singles.extend(bends_beside(first.objective, first.base, effort))
     pairs: list[Hypothesis] = []
     arena = settled(first, singles, effort)
+    softer = eased(arena.objective, arena.hypotheses)
+    if softer:
+        arena = settled(arena, softer, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(_uncoupled(arena), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])

@@ -135,7 +135,10 @@ def _ripple_sizes(problem: Problem) -> tuple[float, float, float]:
 
 
 def _error_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    top = 2.0 * problem.scales.wind_up
+    top = max(
+        2.0 * problem.scales.wind_up,
+        KINEMATIC * (1.0 if problem.rig.motion == "rotational" else problem.scales.travel),
+    )
     return {"amplitude": (0.0, top), **dict.fromkeys(HARMONICS, (-top, top))}
 
 
@@ -149,6 +152,9 @@ MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fi
 OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
 WHOLE = 0.06  # from a whole number, what an order may be off: the motor's own field returns with every turn
 HARMONICS = ("second_sine", "second_cosine", "third_sine", "third_cosine")  # amplitudes of their own
+KINEMATIC = (
+    2e-3  # rad, of a turn of the output or of a slide's travel, that gears may be off: seven minutes of arc
+)
 PHASES = tuple(k * math.pi / 3.0 for k in range(-2, 4))  # of a line whose order is known and whose phase is not
 _LINES = ("transmission-error", "torque-ripple", "external-vibration")
 
