@@ -6,6 +6,7 @@ wandered off, its tangent says nothing, and what counts is which trial follows t
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, relative_misfit, rewhiten
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.screen import resized
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
@@ -32,6 +33,8 @@ FAMILIES = ("stiffness", "hysteretic")
 FACTORS = (1.0, 2.0, 4.0, -1.0, -2.0, -4.0)  # times the trials' sizes
 TRIED = 4  # laws fitted
 REFITTED = 60  # simulations of all runs under one noise
+LEVELS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of the base's inertia, at which a payload is tried
+LIES = (0.0, 0.5, 1.0)  # of the way from the lower group to the upper, where the base may lie
 NOISES = 2  # of its own, one after the other
 
 
@@ -79,22 +82,48 @@ def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec
         objective: Under whose noise the fits are compared with others.
         specs: Laws with their runs chosen.
     """
-    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
-    chosen = [spec for spec in specs if spec.run_weights is not None]
+    chosen = [spec for spec in specs if spec.name == PAYLOADS[0].name]
     if not chosen or relative_misfit(stage.objective.prepared, stage.predictions) < ASTRAY:
         return []
+    fits = [_under_its_own_noise(stage, spec) for spec in chosen]
     found = []
-    for spec in chosen:
-        problem = stage.objective.problem
-        where, own, noise = coordinates(problem, (spec,)), stage.objective, stage.noise
-        start = ActiveEffect(spec, (spec.scale(problem)[1], *spec.starts(problem)[0]))
-        fit = least_squares(own, where, where.pack(theta, (start,)), simulations=REFITTED)
-        for _ in range(NOISES):
-            own, noise, _ = rewhiten(own, fit, noise, EARLY_ORDER)
-            fit = least_squares(own, where, fit.x, simulations=REFITTED)
-        w = objective.residual(fit.x, where)
+    for spec, fit in zip(chosen, fits, strict=True):
+        w = objective.residual(fit.x, fit.coordinates)
         found.append(Hypothesis((spec,), replace(fit, w=w, fresh=False), profile_loss(objective, w)))
     return found
+
+
+def _under_its_own_noise(stage: Stage, spec: EffectSpec) -> Fit:
+    """Fitted from the best of a grid: where between the two groups the base lies, and by how much it rings too little.
+
+    The runs' own inertias give the ratio of the two groups' frequencies and no level: K, c, J and what is carried may all be
+    ``level`` times as large and ring as fast.
+    """
+    problem, own, noise = stage.objective.problem, stage.objective, stage.noise
+    where = coordinates(problem, (spec,))
+    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    names = problem.base.names
+    inertia, dynamic = (
+        names.index("load_inertia"),
+        [names.index(n) for n in ("stiffness", "damping", "load_inertia")],
+    )
+    step = spec.scale(problem)[1] / theta[inertia]
+
+    def start(grid: tuple[float, float]) -> tuple[Vector, ActiveEffect]:
+        level, lies = grid
+        moved = theta.copy()
+        moved[inertia] *= 1.0 - lies * step
+        moved[dynamic] *= level
+        return moved, ActiveEffect(spec, (level * step * theta[inertia], *spec.starts(problem)[0]))
+
+    grid = list(itertools.product(LEVELS, LIES))
+    costs = own.map(lambda at: own.misfit(start(at)[0], (start(at)[1],)), grid)
+    base, active = start(grid[int(np.argmin(costs))])
+    fit = least_squares(own, where, where.pack(base, (active,)), simulations=REFITTED)
+    for _ in range(NOISES):
+        own, noise, _ = rewhiten(own, fit, noise, EARLY_ORDER)
+        fit = least_squares(own, where, fit.x, simulations=REFITTED)
+    return fit
 
 
 def _two_sided(active: ActiveEffect) -> bool:

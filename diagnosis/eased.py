@@ -36,7 +36,7 @@ def eased(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypoth
         for factor in EASED:
             moved = theta.copy()
             moved[stiffness], moved[damping] = factor * known, where.start[damping]
-            fit = least_squares(objective, where, where.pack(moved, effects), iterations=15, tolerance=2e-3)
+            fit = least_squares(objective, where, where.pack(moved, effects), iterations=30, tolerance=1e-3)
             best = min(best, fit, key=lambda f: f.chi2)
         if best is not hypothesis.fit:
             found.append(replace(hypothesis, fit=best, loss=profile_loss(objective, best.w)))

@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter, lsim
+from scipy.signal import lfilter, lsim, welch
 
-from jointscope.diagnosis.input_noise import Inlet, noise_share, ringing, second_order
+from jointscope.diagnosis.input_noise import Inlet, noise_share, ringing, second_order, shaken
+from jointscope.diagnosis.noise import block_noise
 
 RATE = 1000.0
 
@@ -69,3 +70,37 @@ def test_a_record_that_stands_still_has_no_share_of_an_inputs_noise():
 
 def _lag(x):
     return float(np.corrcoef(x[:-1], x[1:])[0, 1])
+
+
+def shaken_acceleration(rng, seconds, pole, torque):
+    """White noise of one, and what a joint with this pole makes of white torque: s^2/(s^2 + 2 zeta w s + w^2)."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    w, zeta = 2.0 * np.pi * pole[0], pole[1]
+    moved = lsim(([1.0, 0.0, 0.0], [1.0, 2.0 * zeta * w, w**2]), torque * rng.standard_normal(t.size), t)[1]
+    return moved + rng.standard_normal(t.size)
+
+
+def test_a_joint_that_is_shaken_is_white_again():
+    """A peak of 60 times the sensor's power is gone to less than a third, and hardly anything else is touched."""
+    pole = (18.0, 0.012)
+    left = shaken_acceleration(np.random.default_rng(8), 200.0, pole, 0.2)
+    f, before = welch(left, RATE, nperseg=8192)
+    after = welch(shaken(pole, 60.0, RATE)(left), RATE, nperseg=8192)[1]
+    at = np.abs(f - pole[0]) < 0.3
+    beside = (f > 60.0) & (f < 400.0)
+    assert before[at].mean() > 20.0 * before[beside].mean()
+    assert after[at].mean() < 3.0 * after[beside].mean()
+
+
+def record(n):
+    data = 50.0 * np.exp(-np.arange(n) / 300.0)
+    return SimpleNamespace(quantity="acceleration", rate=RATE, data=data, mask=np.ones(n, bool), step=None)
+
+
+@pytest.mark.parametrize(("torque", "rings"), [(0.0, False), (0.2, True)])
+def test_a_block_rings_where_the_joint_does_and_not_where_its_noise_is_white(torque, rings):
+    """Hits of two seconds: a line of any frequency near the pole would explain hundreds of nats of such noise."""
+    rng = np.random.default_rng(9)
+    left = [shaken_acceleration(rng, 2.0, (18.0, 0.012), torque) for _ in range(12)]
+    noise = block_noise([record(r.size) for r in left], left, 12, own_pole=(18.0, 0.012))
+    assert (noise.ringing is not None) is rings

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.input_scatter import pushes
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.input_scatter import VISCOSITY, pushes
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.relog import driven_by
+from jointscope.diagnosis.relog import LOGS, driven_by
 from jointscope.diagnosis.whiten import run_whitener, without_scatter
 
 NOISE = 1.0  # N
@@ -81,7 +82,8 @@ def test_a_log_s_noise_rings_in_the_span_of_its_columns(builders, edited, plant,
     run = problem.runs[0]
     y = predict_outputs(run, truth, (), problem)
     pushed = pushes(run, truth, (), problem, predict_outputs, y)
-    for output, columns_of in zip(run.outputs, pushed, strict=True):
+    for output, whole in zip(run.outputs, pushed, strict=True):
+        columns_of = whole[:, :LOGS]
         if output.quantity == "angle":
             assert not columns_of.any()
             continue
@@ -116,3 +118,27 @@ def test_at_the_truth_a_hit_is_as_likely_as_its_noise(builders, edited, plant, t
         assert np.std(cleaned[0]) < 1.1 * SENSOR
     assert 0.9 < np.mean(ratios) < 1.05
     assert np.mean(bare) > 1.1
+
+
+def test_the_last_column_is_what_warmer_oil_does(builders, plant):
+    """One standard deviation of viscosity, motor and load alike; nothing where nothing is viscous, nor in a hit."""
+    problem = prepare(
+        builders.campaign_of([builders.sweep_run(plant, 30.0, "s"), builders.hammer_run(plant, 90.0, "h")])
+    )
+    theta = problem.base.start.copy()
+    for name, value in (("motor_damping", 2.0), ("load_damping", 3.0)):
+        theta[BASE_INDEX[name]] = value
+    warm, dry = theta.copy(), theta.copy()
+    for name in ("motor_damping", "load_damping"):
+        warm[BASE_INDEX[name]] *= 1.0 - VISCOSITY
+        dry[BASE_INDEX[name]] = 0.0
+    for run in problem.runs:
+        y, moved = (predict_outputs(run, at, (), problem) for at in (theta, warm))
+        pushed = pushes(run, theta, (), problem, predict_outputs, y)
+        if run.run.experiment == "hammer":
+            assert pushed is None
+            continue
+        for column, a, b in zip(pushed, moved, y, strict=True):
+            assert np.array_equal(column[:, -1], a - b)
+        still = pushes(run, dry, (), problem, predict_outputs, predict_outputs(run, dry, (), problem))
+        assert still is None or still[0].shape[1] == pushed[0].shape[1] - 1

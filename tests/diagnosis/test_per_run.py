@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.afresh import sorted_afresh
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, with_run_weights
 from jointscope.diagnosis.per_run import drifting, follows_posture, loaded, per_run_specs, run_steps
@@ -131,3 +132,24 @@ def test_an_experiment_without_groups_carries_a_payload_as_a_whole_or_not_at_all
     assert found.run_weights == weights
     small, about, large = found.scale(own)
     assert small < active.values[0] < large and about == pytest.approx(active.values[0], rel=0.3)
+
+
+def test_a_base_that_lies_between_two_groups_is_left_for_the_payload_that_parts_them(builders, recorded):
+    """Half of twelve hits with a third more inertia: the runs slip past each other by whole turns, and the base is neither's."""
+    plant = builders.Plant()
+    own = prepare(builders.campaign_of([builders.hammer_run(plant, 90.0 + 20.0 * k, f"h{k}") for k in range(12)]))
+    place = own.base.names.index("load_inertia")
+    weights = (0.0, 1.0) * 6
+    spec = with_run_weights(next(s for s in PAYLOADS if s.variant == "some-runs"), weights, own)
+    size = 0.36 * own.base.start[place]
+    own = recorded(own, 0.005, seed=3, effects=(ActiveEffect(spec, (size,)),))
+    with ThreadPoolExecutor(2) as pool:
+        stage = refit_base(own, predict_outputs, split_runs(own).estimate, pool)
+        specs = per_run_specs(stage, own)
+        (payload,) = (s for s in specs if s.name == "payload")
+        assert payload.run_weights == weights
+        found = sorted_afresh(stage, stage.objective, (payload,))
+    (fit,) = (h.fit for h in found)
+    theta, (active,) = fit.coordinates.unpack(fit.x)
+    assert active.values[0] == pytest.approx(size, rel=0.05)
+    assert theta[place] == pytest.approx(own.base.start[place], rel=0.05)
