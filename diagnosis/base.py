@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.input_noise import inlet
-from jointscope.diagnosis.noise import NoiseModel, white
+from jointscope.diagnosis.input_scatter import pushes, pushes_and_oil
+from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.resolution import clips
@@ -171,7 +172,8 @@ def rewhiten(
     """Noise from what ``fit`` leaves, and the objective whitened by it."""
     theta, effects = fit.coordinates.unpack(fit.x)
     predictions = objective.predictions(theta, effects)
-    pushed = objective.pushes(theta, effects, predictions)
+    # early, what the oil does would stand in for what the parameters are off by
+    pushed = objective.pushes(theta, effects, predictions, pushes if max_order < MAX_ORDER else pushes_and_oil)
     way = inlet(objective.problem, theta)
     noise = estimate_noise(objective.prepared, predictions, before, max_order, way, pushed)
     return whitened(objective, noise, predictions, pushed), noise, predictions
@@ -188,7 +190,7 @@ def of_further_runs(
     """Other runs whitened by ``noise``, completed by what is left of kinds of channels that were not fitted."""
     other = replace(objective, runs=runs, whiteners=())
     predictions = other.predictions(theta, effects)
-    pushed = other.pushes(theta, effects, predictions)
+    pushed = other.pushes(theta, effects, predictions, pushes if max_order < MAX_ORDER else pushes_and_oil)
     noise = completed(noise, other.prepared, predictions, max_order, inlet(objective.problem, theta), pushed)
     return whitened(other, noise, predictions, pushed), noise, predictions
 

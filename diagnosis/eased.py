@@ -24,6 +24,8 @@ TRIED = 4  # hypotheses, best first
 def eased(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Those of the best ``hypotheses`` with a rigid joint that are better with a soft one."""
     names = objective.problem.base.names
+    if "stiffness" not in names:  # several joints
+        return []
     stiffness, damping = names.index("stiffness"), names.index("damping")
     found = []
     for hypothesis in hypotheses[:TRIED]:

@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Respond = Callable[["PreparedRun"], tuple[Vector, ...]]
 Pushes = tuple[NDArray[np.float64], ...]
+Push = Callable[
+    ["PreparedRun", Vector, "tuple[ActiveEffect, ...]", "Problem", "Predict", Sequence[Vector]], Pushes | None
+]
 
+VISCOUS = ("motor_damping", "load_damping")
 VISCOSITY = 0.03  # of viscous friction, by which it scatters from run to run: oil of one kelvin more
 STEP = 5.0  # times the noise, by which one sample is moved to find h
 
@@ -43,7 +47,7 @@ def pushes(
     predict: Predict,
     predicted: Sequence[Vector],
 ) -> Pushes | None:
-    """What a recorded input's noise and the oil's warmth do to each output, shapes (n, m): their covariance is H H'.
+    """What the noise of the recorded input does to each output, shapes (n, m): their covariance is the columns' H H'.
 
     ``None`` where nothing is recorded with noise, or where the model flies apart.
     """
@@ -53,16 +57,29 @@ def pushes(
 
     if run.run.experiment == "hammer":
         return _of_the_contact(run, respond, predicted)
-    warmer = predict(run, _warmer(problem, theta), effects, problem)
-    found = [p for p in (_of_the_log(run, respond, predicted), _of_the_oil(warmer, predicted)) if p is not None]
-    return tuple(np.concatenate(columns, axis=1) for columns in zip(*found, strict=True)) if found else None
+    return _of_the_log(run, respond, predicted)
+
+
+def pushes_and_oil(
+    run: PreparedRun,
+    theta: Vector,
+    effects: tuple[ActiveEffect, ...],
+    problem: Problem,
+    predict: Predict,
+    predicted: Sequence[Vector],
+) -> Pushes | None:
+    """The same, and of a run that is driven what its oil does by being warmer than on average: for what is judged in the end."""
+    found = [pushes(run, theta, effects, problem, predict, predicted)]
+    if run.run.experiment != "hammer":
+        found.append(_of_the_oil(predict(run, _warmer(problem, theta), effects, problem), predicted))
+    known = [p for p in found if p is not None]
+    return tuple(np.concatenate(columns, axis=1) for columns in zip(*known, strict=True)) if known else None
 
 
 def _warmer(problem: Problem, theta: Vector) -> Vector:
     """The base in a run whose oil is as much warmer than on average as it may well be."""
     moved = theta.copy()
-    for name in ("motor_damping", "load_damping"):
-        moved[problem.base.names.index(name)] *= 1.0 - VISCOSITY
+    moved[[name.startswith(VISCOUS) for name in problem.base.names]] *= 1.0 - VISCOSITY
     return moved
 
 

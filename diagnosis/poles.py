@@ -21,7 +21,7 @@ def joint_poles(problem: Problem, theta: Vector) -> dict[bool, Pole]:
     load act with the mode's own shares, (b_m/J_M^2 + b_l/J_L^2) / (1/J_M + 1/J_L). Held: the same with 1/J_M = 0.
     """
     b = dict(zip(problem.base.names, (float(v) for v in theta), strict=True))
-    if min(b["stiffness"], b["load_inertia"]) <= 0.0:
+    if min(b.get("stiffness", 0.0), b.get("load_inertia", 0.0)) <= 0.0:  # no spring, or several joints
         return {}
     found: dict[bool, Pole] = {}
     for moves in sorted({run.motor_moves for run in problem.runs}):

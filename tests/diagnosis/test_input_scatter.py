@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.input_scatter import VISCOSITY, pushes
+from jointscope.diagnosis.input_scatter import VISCOSITY, pushes, pushes_and_oil
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
@@ -134,11 +134,11 @@ def test_the_last_column_is_what_warmer_oil_does(builders, plant):
         dry[BASE_INDEX[name]] = 0.0
     for run in problem.runs:
         y, moved = (predict_outputs(run, at, (), problem) for at in (theta, warm))
-        pushed = pushes(run, theta, (), problem, predict_outputs, y)
+        pushed = pushes_and_oil(run, theta, (), problem, predict_outputs, y)
         if run.run.experiment == "hammer":
             assert pushed is None
             continue
         for column, a, b in zip(pushed, moved, y, strict=True):
             assert np.array_equal(column[:, -1], a - b)
-        still = pushes(run, dry, (), problem, predict_outputs, predict_outputs(run, dry, (), problem))
+        still = pushes_and_oil(run, dry, (), problem, predict_outputs, predict_outputs(run, dry, (), problem))
         assert still is None or still[0].shape[1] == pushed[0].shape[1] - 1

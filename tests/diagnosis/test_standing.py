@@ -49,7 +49,11 @@ def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monk
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
     monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
-    found = adjudicate.standing(SimpleNamespace(objective=None, base=base, judged=(base, best, inferior, pair)))
+    found = adjudicate.standing(
+        SimpleNamespace(
+            objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, best, inferior, pair)
+        )
+    )
     assert (pair in found) is stands
     assert best in found and inferior in found
 
@@ -65,7 +69,9 @@ def test_what_is_not_told_from_nothing_does_not_stand(monkeypatch, differs):
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
     monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: differs)
-    found = adjudicate.standing(SimpleNamespace(objective=None, base=base, judged=(base, child)))
+    found = adjudicate.standing(
+        SimpleNamespace(objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, child))
+    )
     assert (child in found) is differs
 
 
@@ -88,7 +94,9 @@ def test_a_set_that_would_lead_stands_for_what_no_other_form_of_its_part_could_d
     monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
     monkeypatch.setattr(adjudicate, "own_share", lambda *_: own)
-    found = adjudicate.standing(SimpleNamespace(objective=None, base=base, judged=(base, part, pair)))
+    found = adjudicate.standing(
+        SimpleNamespace(objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, part, pair))
+    )
     assert (pair in found) is stands
 
 

@@ -35,7 +35,7 @@ def judged(builders, recorded, sweeps, size):
     return compare(judgement, judgement.base, child)
 
 
-@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.03, True), (1, 0.01, False), (3, 0.0, False)])
+@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.02, True), (1, 0.005, False), (3, 0.0, False)])
 def test_what_only_fitted_runs_can_show_takes_two_of_them(builders, recorded, sweeps, size, stands):
     against = judged(builders, recorded, sweeps, size)
     assert against.foretold_held < 20.0
