@@ -25,7 +25,7 @@ def judged(builders, recorded, sweeps, size):
     own = prepare(builders.campaign_of([*hits, *driven]))
     spec = next(s for s in catalogue(own) if (s.name, s.location) == ("coulomb-friction", "motor"))
     active = ActiveEffect(spec, (size * spec.scale(own)[1], *spec.starts(own)[0]))
-    own = recorded(own, 0.02, seed=3, effects=(active,))
+    own = recorded(own, 0.06, seed=3, effects=(active,))
     split, where = split_runs(own), coordinates(own, (spec,))
     with ThreadPoolExecutor(1) as pool:
         stage = refit_base(own, predict_outputs, split.estimate, pool)
