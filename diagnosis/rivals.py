@@ -18,7 +18,7 @@ from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.friction import falling_about
-from jointscope.diagnosis.effects.periodic import PHASES, slower_lines
+from jointscope.diagnosis.effects.periodic import OUTPUT_ORDER, PHASES, slower_lines
 from jointscope.diagnosis.refit import Fit, unspent
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -54,7 +54,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
     "cubic": ("piecewise-cubic",),
     "piecewise": ("piecewise-cubic",),
-    "motor-order": ("motor-order-harmonic",),
+    "motor-order": ("motor-order-harmonic", "output-order-harmonic"),
     "output-order": ("output-order-harmonic",),
     "cogging": ("cogging-harmonic",),
 }
@@ -134,7 +134,7 @@ def grown(
             if c.spec.name in wider and c.spec.location == place.spec.location
         ]
         trials = [*about, *_same_shape(about, place.effect)]
-        for group in (trials, *_freer(candidates, place.effect)):
+        for group in (trials, *_freer(candidates, place.effect, objective.problem.rig.reduction_ratio or 1.0)):
             if not group:
                 continue
             active = _nearest(objective, place.theta, place.others, group)
@@ -281,11 +281,11 @@ def _bristles_and_loop(known: Mapping[tuple[str, str], float]) -> dict[tuple[str
     return {}
 
 
-def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:
+def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect, ratio: float) -> list[list[ActiveEffect]]:
     """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
     wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
-    alike = same_numbers(wider, leader)
+    alike = [_counted(trial, leader, ratio) for trial in same_numbers(wider, leader)]
     if not leader.spec.sensible(leader.values):  # what it lacks has bent its own numbers
         alike += [_with_force(trial, leader.values[0]) for trial in wider]
     for active in alike:
@@ -297,6 +297,18 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[lis
         for k in (2, 3)
     ]
     return [*groups.values(), *(trials for trials in slower if trials)]
+
+
+def _counted(trial: ActiveEffect, leader: ActiveEffect, ratio: float) -> ActiveEffect:
+    """The trial with the leader's order per turn of what the trial counts: a line of a gear is found by either count."""
+    mine, theirs = _turn(trial), _turn(leader)
+    if not (mine and theirs) or mine == theirs:
+        return trial
+    place = [p.name for p in trial.spec.parameters].index("order")
+    order = leader.values[[p.name for p in leader.spec.parameters].index("order")]
+    values = list(trial.values)
+    values[place] = order * ratio if mine == OUTPUT_ORDER.unit else order / ratio
+    return ActiveEffect(trial.spec, tuple(values))
 
 
 def _elsewhere(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:

@@ -1,8 +1,8 @@
 """Residuals made standard normal: prediction-error filter per output, hit gain and timing marginalised per run.
 
 Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), H H' of what the noise of the recorded input makes the
-model do (``input_scatter``), and s_0^2 1 1' for each angle: where between two steps of its encoder the first one was, no record
-tells. With U = L^-1 [s_g y, s_t y., H, s_0 1], U'U = V lambda V' and D = U V lambda^-1/2,
+model do (``input_scatter``), and s_0^2 1 1' for each channel whose zero no record tells (``zeros``).
+With U = L^-1 [s_g y, s_t y., H, s_0 1], U'U = V lambda V' and D = U V lambda^-1/2,
 w = (I - D diag(1 - (1 + lambda)^-1/2) D') L^-1 r is the symmetric square root of Woodbury's identity:
 w'w = r' Sigma^-1 r exactly, and w is linear in r.
 """
@@ -37,6 +37,7 @@ from jointscope.diagnosis.noise import (
     white,
 )
 from jointscope.diagnosis.poles import Pole
+from jointscope.diagnosis.zeros import zero_scatter, zeros
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.input_scatter import Pushes
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
-FROM_ZERO = ("angle", "position")  # what is counted from its first samples
 SCATTERS = 3.0  # standard deviations, within which a hit's own gain, time and force noise are believed
 UNFELT = (
     0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
@@ -187,7 +187,7 @@ def without_scatter(
     """
     left = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
     below = [below_excitation(run, o) for o in run.outputs]
-    for k, size in _zero_scatter(run, noise).items():
+    for k, size in zero_scatter(run, noise).items():
         zero = float(np.mean(asked_only(left[k], below[k])[run.outputs[k].mask]))
         left[k] = left[k] - np.clip(zero, -3.0 * size, 3.0 * size)
     if is_hit(run):
@@ -227,24 +227,6 @@ def is_hit(run: PreparedRun) -> bool:
         return False
     force = np.abs(run.load_force)
     return bool(np.any(force)) and float(np.mean(force > 0.05 * force.max())) < 0.2
-
-
-def _zero_scatter(run: PreparedRun, noise: NoiseModel) -> dict[int, float]:
-    """s_0 of each output that is an angle: its encoder's step, or its noise where that is more."""
-    return {
-        k: max(quantum(o), noise.blocks[block_key(run, o)].marginal)
-        for k, o in enumerate(run.outputs)
-        if o.quantity in FROM_ZERO and o.mask.any()
-    }
-
-
-def _zeros(run: PreparedRun, noise: NoiseModel) -> list[NDArray[np.float64]]:
-    """[s_0 1] of each angle, in the rows of its output, shapes (n, n_angles)."""
-    scatter = _zero_scatter(run, noise)
-    columns = [np.zeros((len(o.data), len(scatter))) for o in run.outputs]
-    for place, (k, size) in enumerate(scatter.items()):
-        columns[k][:, place] = size
-    return columns
 
 
 def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArray[np.float64]]:
@@ -290,7 +272,7 @@ def marginalised(
     pushed: Pushes | None = None,
 ) -> RunWhitener:
     """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain and time, its input's noise."""
-    columns = _zeros(run, noise)
+    columns = zeros(run, noise)
     if is_hit(run):
         spread = np.array([noise.gain, noise.timing])
         scatter = [c * spread for c in scatter_columns(run, predicted)]

@@ -54,10 +54,10 @@ def harmonics(values: Values) -> tuple[tuple[float, float, float], ...]:
 def slower_lines(values: Values, k: int) -> tuple[Values, ...]:
     """Lines of which ``values`` is the ``k``-th harmonic and as strong, where they make whole periods in a turn.
 
-    Whichever harmonic meets the joint's resonance is the loudest.
+    Whichever harmonic meets the joint's resonance is the loudest; fitted alone, its order leans towards what it stands in for.
     """
     amplitude, order, phase = values[:3]
-    if round(order / k) < 1 or abs(order - k * round(order / k)) > WHOLE:
+    if round(order / k) < 1 or abs(order - k * round(order / k)) > max(WHOLE, FOUND_TO * order):
         return ()
     found = []
     for turn in PHASES:
@@ -151,6 +151,7 @@ PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
 MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fineness=0.03)
 OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
 WHOLE = 0.06  # from a whole number, what an order may be off: the motor's own field returns with every turn
+FOUND_TO = 0.003  # of an order, to which a line is found where its slower one is missing
 HARMONICS = ("second_sine", "second_cosine", "third_sine", "third_cosine")  # amplitudes of their own
 KINEMATIC = (
     2e-3  # rad, of a turn of the output or of a slide's travel, that gears may be off: seven minutes of arc

@@ -204,9 +204,9 @@ def test_a_law_bent_by_what_it_lacks_lends_its_force_only(problem):
     )
     trial = ActiveEffect(damped, (1.0, 1.4, 0.01, 1e-5, 2e-3))
     bent = ActiveEffect(bristles, (0.3, 0.1, 0.003, 3e-6))
-    (group,) = _freer([trial], bent)
+    (group,) = _freer([trial], bent, 100.0)
     assert [t.values[:2] for t in group] == [(0.3, 0.1), (0.3, pytest.approx(0.42))]
-    (group,) = _freer([trial], ActiveEffect(bristles, (0.3, 0.4, 0.003, 3e-6)))
+    (group,) = _freer([trial], ActiveEffect(bristles, (0.3, 0.4, 0.003, 3e-6)), 100.0)
     assert [t.values[:4] for t in group] == [(0.3, 0.4, 0.003, 3e-6)]
 
 
@@ -287,3 +287,14 @@ def test_a_stribeck_friction_about_coulombs_falls_with_speed_whatever_the_search
         for breakaway in bounds["breakaway"]:
             assert breakaway >= 1.08 * torque
     assert about.spec.sensible(about.values)
+
+
+def test_a_line_counted_by_the_motor_is_tried_by_the_output_s_count_and_as_a_harmonic_of_a_slower_one(problem):
+    """Order 0.7926 of a motor that turns 101 times is 80.05 of the output, and may be the louder harmonic of 40."""
+    specs = {(s.name, s.variant): s for s in catalogue(problem)}
+    motor = specs["transmission-error", "motor-order"]
+    wider = specs["transmission-error", "output-order-harmonic"]
+    trial = ActiveEffect(wider, (1e-6, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    groups = _freer([trial], ActiveEffect(motor, (7e-5, 0.7926, 0.4)), 101.0)
+    orders = sorted({round(active.values[1], 2) for group in groups for active in group})
+    assert orders == [40.03, 80.05]
