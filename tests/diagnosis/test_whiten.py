@@ -92,7 +92,7 @@ def test_a_sensor_of_true_zero_frequency_says_nothing_of_its_own_zero(low_cutoff
     r = 0.03 * np.random.default_rng(7).standard_normal(y.size)
     whitener = run_whitener(run, noise, (y,))
     w, moved = (whitener([x])[:, 0] for x in (r, r + 0.5 * OFFSET))
-    assert (abs(moved @ moved - w @ w) > 1000.0) is told
+    assert bool(abs(moved @ moved - w @ w) > 1000.0) is told
     assert told or abs(moved @ moved - w @ w) < 4.0
 
 
