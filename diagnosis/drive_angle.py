@@ -40,6 +40,7 @@ FLOOR = (
 PAYS = 4.0  # times: how far J_f or K_v must bring the misfit down; a wrong joint is not told from them by less
 KNOWN = 0.3  # rad at the motor, or of the lag: the largest standard error of an angle that is believed
 LONG = 1.0  # s; shorter records say nothing of a slow loop
+UNTOLD = 20.0  # an integral gain may be anything where nothing is slow enough to need it
 STARTS_HZ = (1.5, 4.0, 12.0)  # bandwidths of speed loops
 _REST = 8  # samples before the command moves: the fewest that T_0 is read from
 _STILL = 1e-3  # of the largest command: below it nothing moves
@@ -104,13 +105,14 @@ class DriveLaw:
         return self.explained > EXPLAINED and self.angle_error < KNOWN * max(1.0, self.lag)
 
     def drawn(self, rng: np.random.Generator) -> DriveLaw:
-        """A law as likely as this one."""
+        """A law as likely as this one; of a gain that the motions do not tell, within a factor of ``UNTOLD``."""
         sizes, axes = np.linalg.eigh(self.covariance)
         z = axes @ (np.sqrt(np.maximum(sizes, 0.0)) * rng.standard_normal(4))
+        gain, integral = np.exp(np.clip(z[:2], -math.log(UNTOLD), math.log(UNTOLD)))
         return replace(
             self,
-            gain=self.gain * math.exp(z[0]),
-            integral=self.integral * math.exp(z[1]),
+            gain=self.gain * float(gain),
+            integral=self.integral * float(integral),
             ahead=self.ahead + float(z[2]),
             outer=max(self.outer + float(z[3]), 0.0),
         )

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jointscope.diagnosis.assembly import COMMAND_HZ, LAW_HZ, observer_corner
-from jointscope.diagnosis.drive_angle import DriveLaw, Log, drive_law, followed_angle
+from jointscope.diagnosis.drive_angle import UNTOLD, DriveLaw, Log, drive_law, followed_angle
 from jointscope.diagnosis.prepare import DRIFT_CORNER, prepare
 from jointscope.diagnosis.relog import LOGS, driven_by, relogged
 from jointscope.recordings.campaign import Stream
@@ -254,3 +254,11 @@ def test_what_the_laws_error_does_is_had_again_with_the_logs_noise(builders, hit
     assert spread == pytest.approx(run.observed.law.angle_error, rel=0.8)
     known = replace(run, observed=replace(run.observed, law=None))
     assert relogged(known).observed == ()
+
+
+def test_a_gain_that_no_motion_tells_is_drawn_within_bounds():
+    """An integral gain of next to nothing, known to a factor of e^4500: every draw is a law, and what is known scatters as it should."""
+    law = DriveLaw(gain=123.0, integral=1.8e-4, covariance=np.diag([0.094**2, 4500.0**2, 0.0, 0.0]))
+    drawn = [law.drawn(np.random.default_rng(k)) for k in range(200)]
+    assert all(law.integral / UNTOLD <= one.integral <= law.integral * UNTOLD for one in drawn)
+    assert np.std(np.log([one.gain / law.gain for one in drawn])) == pytest.approx(0.094, rel=0.15)
