@@ -257,7 +257,7 @@ def test_what_the_laws_error_does_is_had_again_with_the_logs_noise(builders, hit
 
 
 def test_a_gain_that_no_motion_tells_is_drawn_within_bounds():
-    """An integral gain of next to nothing, known to a factor of e^4500: every draw is a law, and what is known scatters as it should."""
+    """An integral gain known to a factor of e^4500: every draw is a law, and what is known scatters as it should."""
     law = DriveLaw(gain=123.0, integral=1.8e-4, covariance=np.diag([0.094**2, 4500.0**2, 0.0, 0.0]))
     drawn = [law.drawn(np.random.default_rng(k)) for k in range(200)]
     assert all(law.integral / UNTOLD <= one.integral <= law.integral * UNTOLD for one in drawn)
