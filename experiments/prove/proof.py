@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from jointscope import __version__
 from jointscope.atomic import write_text
-from jointscope.experiments.prove import baselines, diagnosing, leak, measures, page, pictures
+from jointscope.experiments.prove import baselines, diagnosing, draws, leak, measures, page, pictures
 from jointscope.experiments.prove.diagnosing import Answer
 from jointscope.experiments.prove.failures import failures
 from jointscope.experiments.prove.judging import Judged, judge
@@ -77,10 +77,11 @@ def saved(folder: Path, out: Path) -> dict[str, Any] | None:
 
 
 def publish(summary: Mapping[str, Any], file: Path) -> None:
-    """Write the page ``file`` with its pictures and its summary in a folder of the same name beside it."""
+    """Write the page ``file`` with its pictures, its summary and its counts in a folder of the same name beside it."""
     beside = file.with_suffix("")
     pictures.draw_all(summary, beside)
     write_text(beside / SUMMARY, json.dumps(summary, indent=1, sort_keys=True) + "\n")
+    draws.record(summary, beside)
     write_text(file, page.page(summary, f"{beside.name}/"))
 
 
