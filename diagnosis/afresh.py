@@ -85,9 +85,9 @@ def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec
     chosen = [spec for spec in specs if spec.name == PAYLOADS[0].name]
     if not chosen or relative_misfit(stage.objective.prepared, stage.predictions) < ASTRAY:
         return []
-    fits = [_under_its_own_noise(stage, spec) for spec in chosen]
     found = []
-    for spec, fit in zip(chosen, fits, strict=True):
+    for spec in chosen:
+        fit = _under_its_own_noise(stage, spec)
         w = objective.residual(fit.x, fit.coordinates)
         found.append(Hypothesis((spec,), replace(fit, w=w, fresh=False), profile_loss(objective, w)))
     return found
@@ -103,10 +103,8 @@ def _under_its_own_noise(stage: Stage, spec: EffectSpec) -> Fit:
     where = coordinates(problem, (spec,))
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
     names = problem.base.names
-    inertia, dynamic = (
-        names.index("load_inertia"),
-        [names.index(n) for n in ("stiffness", "damping", "load_inertia")],
-    )
+    inertia = names.index("load_inertia")
+    dynamic = [names.index("stiffness"), names.index("damping"), inertia]
     step = spec.scale(problem)[1] / theta[inertia]
 
     def start(grid: tuple[float, float]) -> tuple[Vector, ActiveEffect]:

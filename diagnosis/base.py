@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
-from jointscope.diagnosis.input_noise import inlet
-from jointscope.diagnosis.input_scatter import pushes, pushes_and_oil
+from jointscope.diagnosis.input_noise import Inlet, inlet
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
 from jointscope.diagnosis.refit import Fit, least_squares
@@ -22,6 +21,7 @@ from jointscope.diagnosis.whiten import completed, estimate_noise
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
+    from jointscope.diagnosis.input_scatter import Pushes
     from jointscope.diagnosis.prepare import PreparedRun, Problem
 
 Vector = NDArray[np.float64]
@@ -166,15 +166,30 @@ def _coarse(objective: Objective, where: Coordinates) -> Fit:
     return best
 
 
+def _heard(
+    objective: Objective,
+    theta: Vector,
+    effects: tuple[ActiveEffect, ...],
+    predictions: Predictions,
+    max_order: int,
+) -> tuple[list[Pushes | None], Inlet]:
+    """What reaches the outputs beside their own noise, per run, and how.
+
+    Early, while parameters are sought, neither the oil nor what shakes the joint: either would stand in for what they are
+    off by.
+    """
+    late = max_order >= MAX_ORDER
+    way = inlet(objective.problem, theta)
+    return objective.pushes(theta, effects, predictions, oil=late), way if late else replace(way, poles={})
+
+
 def rewhiten(
     objective: Objective, fit: Fit, before: NoiseModel, max_order: int
 ) -> tuple[Objective, NoiseModel, Predictions]:
     """Noise from what ``fit`` leaves, and the objective whitened by it."""
     theta, effects = fit.coordinates.unpack(fit.x)
     predictions = objective.predictions(theta, effects)
-    # early, what the oil does would stand in for what the parameters are off by
-    pushed = objective.pushes(theta, effects, predictions, pushes if max_order < MAX_ORDER else pushes_and_oil)
-    way = inlet(objective.problem, theta)
+    pushed, way = _heard(objective, theta, effects, predictions, max_order)
     noise = estimate_noise(objective.prepared, predictions, before, max_order, way, pushed)
     return whitened(objective, noise, predictions, pushed), noise, predictions
 
@@ -190,8 +205,8 @@ def of_further_runs(
     """Other runs whitened by ``noise``, completed by what is left of kinds of channels that were not fitted."""
     other = replace(objective, runs=runs, whiteners=())
     predictions = other.predictions(theta, effects)
-    pushed = other.pushes(theta, effects, predictions, pushes if max_order < MAX_ORDER else pushes_and_oil)
-    noise = completed(noise, other.prepared, predictions, max_order, inlet(objective.problem, theta), pushed)
+    pushed, way = _heard(other, theta, effects, predictions, max_order)
+    noise = completed(noise, other.prepared, predictions, max_order, way, pushed)
     return whitened(other, noise, predictions, pushed), noise, predictions
 
 

@@ -30,10 +30,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Respond = Callable[["PreparedRun"], tuple[Vector, ...]]
 Pushes = tuple[NDArray[np.float64], ...]
-Push = Callable[
-    ["PreparedRun", Vector, "tuple[ActiveEffect, ...]", "Problem", "Predict", Sequence[Vector]], Pushes | None
-]
-
 VISCOUS = ("motor_damping", "load_damping")
 VISCOSITY = 0.03  # of viscous friction, by which it scatters from run to run: oil of one kelvin more
 STEP = 5.0  # times the noise, by which one sample is moved to find h
@@ -46,10 +42,13 @@ def pushes(
     problem: Problem,
     predict: Predict,
     predicted: Sequence[Vector],
+    *,
+    oil: bool,
 ) -> Pushes | None:
     """What the noise of the recorded input does to each output, shapes (n, m): their covariance is the columns' H H'.
 
-    ``None`` where nothing is recorded with noise, or where the model flies apart.
+    With ``oil`` the last column is what a driven run's oil does by being warmer than on average. ``None`` where nothing
+    is recorded with noise and nothing is viscous, or where the model flies apart.
     """
 
     def respond(moved: PreparedRun) -> tuple[Vector, ...]:
@@ -57,20 +56,8 @@ def pushes(
 
     if run.run.experiment == "hammer":
         return _of_the_contact(run, respond, predicted)
-    return _of_the_log(run, respond, predicted)
-
-
-def pushes_and_oil(
-    run: PreparedRun,
-    theta: Vector,
-    effects: tuple[ActiveEffect, ...],
-    problem: Problem,
-    predict: Predict,
-    predicted: Sequence[Vector],
-) -> Pushes | None:
-    """The same, and of a run that is driven what its oil does by being warmer than on average: for what is judged in the end."""
-    found = [pushes(run, theta, effects, problem, predict, predicted)]
-    if run.run.experiment != "hammer":
+    found = [_of_the_log(run, respond, predicted)]
+    if oil:
         found.append(_of_the_oil(predict(run, _warmer(problem, theta), effects, problem), predicted))
     known = [p for p in found if p is not None]
     return tuple(np.concatenate(columns, axis=1) for columns in zip(*known, strict=True)) if known else None

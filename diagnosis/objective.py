@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.input_scatter import Push, Pushes, pushes_and_oil
+from jointscope.diagnosis.input_scatter import Pushes, pushes
 from jointscope.diagnosis.noise import NoiseModel
 from jointscope.diagnosis.whiten import RunWhitener, run_whitener
 
@@ -89,11 +89,13 @@ class Objective:
         return tuple(self.of_runs(lambda i: self.predict(prepared[i], theta, effects, self.problem)))
 
     def pushes(
-        self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions, by: Push = pushes_and_oil
+        self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions, *, oil: bool = True
     ) -> list[Pushes | None]:
-        """What the noise of every run's input does to ``predictions``, ``by`` a function of :mod:`input_scatter`."""
+        """What the noise of every run's input, and its oil, do to ``predictions``, see :func:`input_scatter.pushes`."""
         prepared = self.prepared
-        return self.of_runs(lambda i: by(prepared[i], theta, effects, self.problem, self.predict, predictions[i]))
+        return self.of_runs(
+            lambda i: pushes(prepared[i], theta, effects, self.problem, self.predict, predictions[i], oil=oil)
+        )
 
     def whiten_run(self, position: int, predicted: Sequence[Vector]) -> Vector:
         """w of one run as predicted, shape (n_kept,)."""

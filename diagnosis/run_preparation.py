@@ -16,7 +16,7 @@ from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
 from jointscope.models.parameters import STANDARD_GRAVITY
-from jointscope.recordings.bandlimited import bandlimited
+from jointscope.recordings.bandlimited import bandlimited, bridged
 from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Signal, gearing
 
 Vector = NDArray[np.float64]
@@ -212,12 +212,6 @@ def _first(samples: Vector) -> float:
     return float(np.median(good[:count])) if count >= 5 else float(good[0])
 
 
-def bridged(samples: Vector, there: NDArray[np.bool_]) -> Vector:
-    """Straight lines where samples are missing, zero where none is there: what is never scored may be looked at as a whole."""
-    at = np.flatnonzero(there)
-    return np.interp(np.arange(samples.size), at, samples[at]) if at.size else np.zeros(samples.size)
-
-
 def _mode(
     two: bool,
     held: bool,
@@ -288,7 +282,7 @@ def _output(
     data = np.asarray(channel.samples, dtype=np.float64) if recorded else np.zeros(length)
     times = signal.stream.start + np.arange(data.size) / signal.sampling_rate
     mask = np.isfinite(data)
-    data = bridged(data, mask)
+    data = bridged(data)  # what is never scored may be looked at as a whole
     angular = channel.quantity in ("angle", "position")
     followed = observed is not None and _is_observed(channel, observed, signal.device, rig)
     offset = 0.0

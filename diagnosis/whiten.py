@@ -24,7 +24,6 @@ from jointscope.diagnosis.input_noise import Inlet, Ringing, noise_share
 from jointscope.diagnosis.noise import (
     ANGULAR,
     GAIN_BOUNDS,
-    MAX_ORDER,
     TIMING_BOUNDS,
     BlockNoise,
     Key,
@@ -331,8 +330,7 @@ def estimate_noise(
     for run in runs:
         for output in run.outputs:
             key, observed = block_key(run, output), run.mode == "observer" and output.quantity in ANGULAR
-            late = way is not None and max_order >= MAX_ORDER  # early, it would be what the parameters are off by
-            if way is not None and late and output.quantity in ACCELERATIONS and run.motor_moves in way.poles:
+            if way is not None and output.quantity in ACCELERATIONS and run.motor_moves in way.poles:
                 own[key] = way.poles[run.motor_moves]
             if observed:  # what reaches an accelerometer through the resonance is taken off the input itself
                 poles[key] = (observer_corner(run), OBSERVER_ZETA)

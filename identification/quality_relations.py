@@ -33,7 +33,6 @@ from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque
 
 Real = NDArray[np.float64]
-_ACCELERATIONS = ("linear-acceleration", "acceleration")
 
 
 def run_relations(run: Run, rig: Nameplate) -> Iterator[Relation]:
@@ -93,7 +92,7 @@ def as_sensed(
 ) -> Real:
     """What an accelerometer makes of a motion: gravity's share and the high-pass of its coupling."""
     channel = sensor.channel
-    if channel.quantity not in _ACCELERATIONS or first.channel.quantity in _ACCELERATIONS:
+    if ORDER[channel.quantity] != 2 or ORDER[first.channel.quantity] == 2:
         return motion
     on_an_arm = channel.quantity == "linear-acceleration"
     if on_an_arm and rig.plane == "vertical" and ORDER[first.channel.quantity] == 0 and channel.radius:

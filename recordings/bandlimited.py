@@ -69,12 +69,16 @@ def bandlimited(samples: Real, rate: float, start: float = 0.0) -> Bandlimited:
     The record is continued by point reflection at both ends, which keeps value and slope. Gaps (NaN) are bridged by
     straight lines.
     """
-    values = np.array(samples, dtype=np.float64)
-    missing = np.isnan(values)
-    if missing.any():
-        index = np.arange(values.size)
-        values = np.interp(index, index[~missing], values[~missing])
+    values = bridged(np.array(samples, dtype=np.float64))
     return Bandlimited(start, start + (values.size - 1) / rate, rate, values)
+
+
+def bridged(samples: Real) -> Real:
+    """Straight lines where samples, shape (n,), are NaN or infinite; zero where none is left."""
+    there = np.flatnonzero(np.isfinite(samples))
+    if there.size == samples.size:
+        return samples
+    return np.interp(np.arange(samples.size), there, samples[there]) if there.size else np.zeros(samples.size)
 
 
 def resampled(samples: Real, rate: float, start: float, times: Real) -> Real:

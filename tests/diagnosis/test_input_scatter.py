@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.input_scatter import VISCOSITY, pushes, pushes_and_oil
+from jointscope.diagnosis.input_scatter import VISCOSITY, pushes
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
@@ -38,7 +38,7 @@ def noisy(builders, edited, plant):
 def columns(problem, truth):
     run = problem.runs[0]
     y = predict_outputs(run, truth, (), problem)
-    return y, pushes(run, truth, (), problem, predict_outputs, y)
+    return y, pushes(run, truth, (), problem, predict_outputs, y, oil=False)
 
 
 def test_the_columns_are_the_response_to_noise_in_the_contact(noisy, truth):
@@ -65,7 +65,7 @@ def test_a_quiet_cell_has_none(problem, truth):
     for run in problem.runs:
         if run.run.experiment == "hammer":
             y = predict_outputs(run, truth, (), problem)
-            assert pushes(run, truth, (), problem, predict_outputs, y) is None
+            assert pushes(run, truth, (), problem, predict_outputs, y, oil=False) is None
 
 
 def test_a_log_s_noise_rings_in_the_span_of_its_columns(builders, edited, plant, truth):
@@ -81,7 +81,7 @@ def test_a_log_s_noise_rings_in_the_span_of_its_columns(builders, edited, plant,
     problem = prepare(builders.campaign_of([edited(builders.sweep_run(plant, 30.0, "s"), noisy)]))
     run = problem.runs[0]
     y = predict_outputs(run, truth, (), problem)
-    pushed = pushes(run, truth, (), problem, predict_outputs, y)
+    pushed = pushes(run, truth, (), problem, predict_outputs, y, oil=False)
     for output, whole in zip(run.outputs, pushed, strict=True):
         columns_of = whole[:, :LOGS]
         if output.quantity == "angle":
@@ -134,11 +134,11 @@ def test_the_last_column_is_what_warmer_oil_does(builders, plant):
         dry[BASE_INDEX[name]] = 0.0
     for run in problem.runs:
         y, moved = (predict_outputs(run, at, (), problem) for at in (theta, warm))
-        pushed = pushes_and_oil(run, theta, (), problem, predict_outputs, y)
+        pushed = pushes(run, theta, (), problem, predict_outputs, y, oil=True)
         if run.run.experiment == "hammer":
             assert pushed is None
             continue
         for column, a, b in zip(pushed, moved, y, strict=True):
             assert np.array_equal(column[:, -1], a - b)
-        still = pushes_and_oil(run, dry, (), problem, predict_outputs, predict_outputs(run, dry, (), problem))
+        still = pushes(run, dry, (), problem, predict_outputs, predict_outputs(run, dry, (), problem), oil=True)
         assert still is None or still[0].shape[1] == pushed[0].shape[1] - 1

@@ -25,7 +25,7 @@ def judged(builders, recorded, sweeps, size):
     own = prepare(builders.campaign_of([*hits, *driven]))
     spec = next(s for s in catalogue(own) if (s.name, s.location) == ("coulomb-friction", "motor"))
     active = ActiveEffect(spec, (size * spec.scale(own)[1], *spec.starts(own)[0]))
-    own = recorded(own, 0.06, seed=3, effects=(active,))
+    own = recorded(own, 0.1, seed=3, effects=(active,))
     split, where = split_runs(own), coordinates(own, (spec,))
     with ThreadPoolExecutor(1) as pool:
         stage = refit_base(own, predict_outputs, split.estimate, pool)
@@ -35,7 +35,7 @@ def judged(builders, recorded, sweeps, size):
     return compare(judgement, judgement.base, child)
 
 
-@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.02, True), (1, 0.005, False), (3, 0.0, False)])
+@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.03, True), (1, 0.01, False), (3, 0.0, False)])
 def test_what_only_fitted_runs_can_show_takes_two_of_them(builders, recorded, sweeps, size, stands):
     against = judged(builders, recorded, sweeps, size)
     assert against.foretold_held < 20.0
