@@ -76,6 +76,11 @@ class Block:
         """The same of the model."""
         return _standing_out(self.model_common, self.error)
 
+    @property
+    def explained(self) -> float:
+        """Share of the energy common to runs driven alike that the model explains [-]; 0 where the base's does not stand out."""
+        return 1.0 - self.model_common / self.base_common if self.excess > 0.0 else 0.0
+
 
 def _standing_out(common: float, error: float) -> float:
     return math.sqrt(common) if math.isfinite(common) and common > SURE * error else 0.0

@@ -47,6 +47,9 @@ ASKED = 3  # sets that are asked what no other form of their parts could do
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
+UNREACHED_PLACE = (
+    0.1  # the same of an effect of one place or level: the base's parameters, which move too, foretell that
+)
 APART = 2  # fitted runs that must each show what no held-out run can
 
 
@@ -247,7 +250,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         expected = _in_proportion(judgement, raw)
     gain = float(np.sum(raw)) - child.occam + parent.occam
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]
-    elsewhere = any(s.local for s in added) and foretold < UNREACHED * expected
+    elsewhere = any(s.local for s in added) and foretold < UNREACHED_PLACE * expected
     # Nor do held-out runs of other experiments alone show what several fitted runs do.
     apart = int(np.sum(raw > REAL)) >= APART and foretold < UNREACHED * gain
     return Comparison(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare
+from jointscope.diagnosis.effects.postures import APART
 from jointscope.diagnosis.search import CONTAINED
 
-WIDER = (*CONTAINED, ("base-compliance", "neighbour-flexibility"))  # law, and one that contains it
+MOUNTS = ("base-compliance", "neighbour-flexibility")
+WIDER = (*CONTAINED, MOUNTS)  # law, and one that contains it
 NOT_EXCLUDED = 6.0  # nats that a law which contains another may be behind it, its own numbers in range
 
 
@@ -43,6 +45,20 @@ def left_open(judgement: Judgement, inner: Judged, names: tuple[str, ...]) -> bo
     """
     likely = (j for j in judgement.judged if j.names == names and j.hypothesis.sensible and holds(j, inner))
     return any(_lead(judgement, inner, j) > -NOT_EXCLUDED for j in likely)
+
+
+def unowned(judgement: Judgement, inner: Judged, outer: Judged) -> bool:
+    """Whether hits in one posture show a mode that a mount and a neighbour would have alike: nobody can say whose it is.
+
+    A neighbour about the joint's own axis is a mount that turns; what drives the motor would be felt by the mount alone.
+    """
+    exchanged = _exchanged(outer, inner)
+    if exchanged is None or exchanged[0] != MOUNTS:
+        return False
+    runs = judgement.objective.problem.runs
+    postures = [run.initial_angle for run in runs]
+    hit = all(run.spring and run.run.experiment == "hammer" for run in runs)
+    return hit and max(postures) - min(postures) < APART and _lead(judgement, inner, outer) > -NOT_EXCLUDED
 
 
 def _lead(judgement: Judgement, parent: Judged, child: Judged) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.answered import answered
 from jointscope.diagnosis.contact import contact_only, resting_noise
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.diagnosis.input_noise import log_noise
@@ -19,7 +20,9 @@ from jointscope.recordings.motor_torque import motor_torque as recorded_torque
 
 Vector = NDArray[np.float64]
 
-ALIKE = 1.5  # times the noise of a device's quietest experiment: the most that any of its logs may have
+ALIKE = (
+    1.5  # times the noise of a device's quietest experiment: the most that any log has, if the arm answers to more
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,8 @@ class Log:
 def torque_logs(runs: Sequence[Run], rig: Nameplate) -> list[Log | None]:
     """Noise and hold of each run's torque log, by all runs of its device; ``None`` where there is no log.
 
-    A device is as noisy in one experiment as in another. What is more in the quietest windows of one is torque.
+    A device is as noisy in one experiment as in another. What is more in the quietest windows of one is torque, unless the
+    arm does not answer to it.
     """
     drives = [motor_torque(run, rig) for run in runs]
     keys = [(-1, 0.0) if drive is None else (drive.device, drive.signal.rate) for drive in drives]
@@ -86,8 +90,14 @@ def torque_logs(runs: Sequence[Run], rig: Nameplate) -> list[Log | None]:
             levels.setdefault(runs[i].experiment, {})[i] = level
         most = ALIKE * min((float(np.median([*v.values()])) for v in levels.values()), default=0.0)
         for own in levels.values():
+            louder = [
+                (runs[i], drive.samples, key[1], drive.signal.start, own[i])
+                for i, drive in device
+                if own.get(i, 0.0) > most
+            ]
+            unheard = louder != [] and answered(louder) is False
             for i, level in own.items():
-                logs[i] = Log(min(level, most), 0.0 if hold is None else hold.rate)
+                logs[i] = Log(level if unheard else min(level, most), 0.0 if hold is None else hold.rate)
     return logs
 
 

@@ -11,7 +11,7 @@ for a choice of members, ln n! for an order.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -41,6 +41,7 @@ ALIKE = 2.0  # ratio of two experiments' steps within which they show one payloa
 EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
 SAME_POSTURE = 0.2  # of the spread of runs' own numbers, left within postures, below which it is theirs
 OWN_STARTS = (1.0, 0.6, 0.67, 0.75, 0.85, 0.9, 0.94, 0.97, 1.03, 1.06, 1.1, 1.15, 1.25, 1.35, 1.5, 1.7)
+OWN_VALLEYS = 3  # at most, whose bottoms are compared: the start that lies lowest may lie in another one
 OWN_STEPS = 8  # at most, towards a run's own number
 HALVED = 5  # times at most, that a step goes too far
 SETTLED = 0.1  # of its standard error, below which another step tells nothing
@@ -81,11 +82,20 @@ def _own(
         return everything.run_residual(i, *where.unpack(x))
 
     start = float(together[position])
-    starts = [(left(start * factor), start * factor) for factor in OWN_STARTS]
-    w, own = min(starts, key=lambda each: float(each[0] @ each[0]))
+    tried = [(left(start * factor), start * factor) for factor in sorted(OWN_STARTS)]
+    costs = [float(w @ w) for w, _ in tried]
+    around = [math.inf, *costs, math.inf]
+    valleys = [k for k, cost in enumerate(costs) if cost <= min(around[k], around[k + 2])]
+    lowest = sorted(valleys, key=lambda k: costs[k])[:OWN_VALLEYS]
+    found = [_down(left, *tried[k], where.difference(together, position)) for k in lowest]
+    _, own, error = min(found, key=lambda each: each[0])
+    return (own - start) / start, error / abs(start)
+
+
+def _down(left: Callable[[float], Vector], w: Vector, own: float, small: float) -> tuple[float, float, float]:
+    """(what is left, where, standard error) at the bottom of a valley, from ``own``, which leaves ``w``; Gauss-Newton."""
     error = math.inf
     for _ in range(OWN_STEPS):
-        small = where.difference(together, position)
         column = (left(own + small) - w) / small
         size = float(column @ column)
         if not size > 0.0:
@@ -102,7 +112,7 @@ def _own(
         own, w = own + move, after
         if abs(move) < SETTLED * error:
             break
-    return (own - start) / start, error / abs(start)
+    return float(w @ w), own, error
 
 
 def telling(values: Vector, errors: Vector) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differences, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
-from jointscope.diagnosis.containment import contains, holds, left_open
+from jointscope.diagnosis.containment import contains, holds, left_open, unowned
 from jointscope.diagnosis.effects import STRANGERS
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL, Comparison
 from jointscope.diagnosis.noise import Key
@@ -120,7 +120,9 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
     found = []
     for value, judged in values.values():
         lead = top - value
-        if holds(judged, leader) and left_open(judgement, leader, judged.names):
+        if (holds(judged, leader) and left_open(judgement, leader, judged.names)) or unowned(
+            judgement, leader, judged
+        ):
             lead = min(lead, OPEN * TEMPERATURE)
         nested = not judged.names or not leader.names or contains(judged, leader)
         between = 0.0 if nested else distance(judgement, leader, judged)
@@ -269,7 +271,8 @@ def decide(judgement: Judgement) -> Decision:
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     if len(top.names) >= TOO_MANY:
         return Decision("unknown", top.judged, _beyond(1.5), ranking, "outside-catalogue", (), fit)
-    growing = max((n.kappa for n in judgement.noise.blocks.values()), default=0.0)
+    followed = {b.key for b in fit.blocks if b.explained > NEARLY_ALL}
+    growing = max((n.kappa for key, n in judgement.noise.blocks.items() if key not in followed), default=0.0)
     if growing > NOT_FOLLOWED and not fit.at_least > NEARLY_ALL:
         return Decision(
             "unknown", top.judged, _beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit

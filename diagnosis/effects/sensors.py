@@ -198,6 +198,7 @@ SPECS: tuple[EffectSpec, ...] = (
             starts=starts,
             possible=needs_accelerometer,
             limits=limits,
+            local=True,
         )
         for variant, law, further, sizes, starts, limits, exact in (
             ("clip", "clip(y, +-level)", (), _levels, one_start, _level_limits, True),

@@ -86,7 +86,7 @@ class EffectSpec:
         proportional: Positions of parameters that are resized with the amplitude (a breakaway torque, say).
         profiled: Numbers that are fitted anew in every run, held-out ones too (a phase, say).
         decades: How often a tenth of the smallest size is tried too: a law with a threshold is another one at each.
-        local: Whether it acts only where a motion reaches a place: held-out runs that do not say nothing of it.
+        local: Whether it acts only where a motion reaches a place or a level: held-out runs that do not say nothing of it.
         exact: Whether nature knows the law in this form only: what it leaves is something else.
         memoryless: Whether it bends every sample by itself: no form of it lags or rings.
         holds: Names of the base's nuisances that it stands for, which stay at their start where it is fitted.

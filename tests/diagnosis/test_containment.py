@@ -6,7 +6,7 @@ import pytest
 
 from jointscope.diagnosis import containment, verdict
 from jointscope.diagnosis.adequacy import Adequacy
-from jointscope.diagnosis.containment import holds, left_open
+from jointscope.diagnosis.containment import holds, left_open, unowned
 
 
 def named(name, *, occam=0.0, sensible=True):
@@ -56,3 +56,27 @@ def test_of_two_laws_that_say_the_same_the_simpler_is_named_and_not_sworn_to(mon
 )
 def test_the_inner_law_is_the_outer_one_at_the_edge_of_its_range_at_the_same_place(outer, inner, is_one):
     assert holds(named(outer), named(inner)) is is_one
+
+
+def hit_at(*postures, experiment="hammer"):
+    runs = tuple(
+        SimpleNamespace(initial_angle=q, spring=True, run=SimpleNamespace(experiment=experiment)) for q in postures
+    )
+    return SimpleNamespace(objective=SimpleNamespace(problem=SimpleNamespace(runs=runs)))
+
+
+@pytest.mark.parametrize(
+    ("judgement", "behind", "open_"),
+    [
+        (hit_at(0.0, 0.0), 1.0, True),
+        (hit_at(0.0, 0.0), 20.0, False),  # the neighbour fits worse
+        (hit_at(0.0, 0.7), 1.0, False),  # two postures tell
+        (hit_at(0.0, 0.0, experiment="torque-sweep"), 1.0, False),  # a mount feels what drives the motor
+    ],
+)
+def test_whose_a_mode_is_hits_in_one_posture_cannot_say(monkeypatch, judgement, behind, open_):
+    mount = named("base-compliance@base", occam=5.0)
+    neighbour = named("neighbour-flexibility@neighbour", occam=15.0)
+    monkeypatch.setattr(containment, "compare", lambda *_: against(behind))
+    assert unowned(judgement, mount, neighbour) is open_
+    assert not unowned(judgement, neighbour, mount)

@@ -73,3 +73,18 @@ def test_third_differences_take_a_sweep_for_noise():
 def test_a_coarse_recorder_is_as_noisy_as_its_step():
     y = np.round(swept(30.0) / 0.5) * 0.5
     assert log_noise(y, RATE) == pytest.approx(0.5 / np.sqrt(12.0), rel=0.3)
+
+
+def test_what_stands_out_of_the_noise_keeps_its_size():
+    """A sweep keeps its size, loud or quiet: 1 - S_eta/S would take as much off the one as off the other."""
+    eta = np.random.default_rng(6).standard_normal(T.size)
+    for size in (0.1, 0.3, 1.0):
+        u = size * swept(30.0)
+        x = cleaned(u + 0.5 * eta)
+        gain = float(x @ u) / float(u @ u)
+        by_chance = 0.5 * float(eta @ u) / float(u @ u)
+        assert gain - by_chance == pytest.approx(1.0, abs=0.5e-3 / size)
+
+
+def test_the_estimate_is_of_the_size_of_its_own_noise():
+    assert np.mean(np.square(cleaned(np.random.default_rng(7).standard_normal(T.size)))) < 0.02

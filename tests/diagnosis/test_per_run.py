@@ -10,7 +10,7 @@ import pytest
 from jointscope.diagnosis.afresh import sorted_afresh
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, with_run_weights
-from jointscope.diagnosis.per_run import drifting, follows_posture, loaded, per_run_specs, run_steps
+from jointscope.diagnosis.per_run import _own, drifting, follows_posture, loaded, per_run_specs, run_steps
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.split import split_runs
@@ -153,3 +153,17 @@ def test_a_base_that_lies_between_two_groups_is_left_for_the_payload_that_parts_
     theta, (active,) = fit.coordinates.unpack(fit.x)
     assert active.values[0] == pytest.approx(size, rel=0.05)
     assert theta[place] == pytest.approx(own.base.start[place], rel=0.05)
+
+
+def test_the_start_that_lies_lowest_may_lie_in_the_wrong_valley():
+    """A narrow valley whose bottom is between two starts, and a wide one whose bottom is a start and leaves more."""
+
+    def left(i, x):
+        (v,) = x
+        narrow, wide = np.array([(v - 0.922) / 0.02, 0.0]), np.array([(v - 1.25) / 0.2, 0.8])
+        return min(narrow, wide, key=lambda w: float(w @ w))
+
+    where = SimpleNamespace(unpack=lambda x: (x,), difference=lambda x, k: 1e-6)
+    step, error = _own(SimpleNamespace(run_residual=left), 0, np.array([1.0]), where, 0)
+    assert step == pytest.approx(-0.078, abs=1e-6)
+    assert error == pytest.approx(0.02, rel=1e-3)

@@ -298,3 +298,11 @@ def test_a_line_counted_by_the_motor_is_tried_by_the_output_s_count_and_as_a_har
     groups = _freer([trial], ActiveEffect(motor, (7e-5, 0.7926, 0.4)), 101.0)
     orders = sorted({round(active.values[1], 2) for group in groups for active in group})
     assert orders == [40.03, 80.05]
+
+
+def test_a_lag_of_another_order_is_tried_where_the_first_one_was_found(problem):
+    """A set whose lag has the wrong order is made up for by a third effect that is not there."""
+    second, first = (law(problem, "drive-lag", v) for v in ("second-order", "first-order"))
+    trial = ActiveEffect(first, (5e-4,))
+    ((found,),) = _freer([trial], ActiveEffect(second, (2.3e-3,)), 100.0)
+    assert found.spec is first and found.values == (2.3e-3,)
