@@ -78,8 +78,11 @@ class Block:
 
     @property
     def explained(self) -> float:
-        """Share of the energy common to runs driven alike that the model explains [-]; 0 where the base's does not stand out."""
-        return 1.0 - self.model_common / self.base_common if self.excess > 0.0 else 0.0
+        """Share of the energy common to runs driven alike that the model explains [-].
+
+        All of it where what is left does not stand out; 0 where what the base leaves does not.
+        """
+        return 1.0 - self.left**2 / self.base_common if self.excess > 0.0 else 0.0
 
 
 def _standing_out(common: float, error: float) -> float:

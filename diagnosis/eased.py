@@ -16,7 +16,7 @@ from jointscope.diagnosis.search import Hypothesis, profile_loss
 if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
 
-RIGID = 6.0  # times the stiffness that was stated, or found in the responses
+RIGID = 2.0  # times the stiffness that was stated, or found in the responses
 EASED = (1.0, 0.5)  # of that stiffness, from where it is sought
 TRIED = 4  # hypotheses, best first
 

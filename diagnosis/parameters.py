@@ -175,7 +175,10 @@ def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate
 
 
 def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
-    """Bounds and scales around the start values: dampings may vanish, inertias and stiffness stay positive."""
+    """Bounds and scales around the start values: dampings may vanish, inertias and stiffness stay positive.
+
+    In motions alone friction passes for inertia, 25 times the arm's own; there it stays within what a maker may be off by.
+    """
     base = near_nameplate(base, runs, rig)
     b = dict(zip(BASE_NAMES, base.start, strict=True))
     critical = 2.0 * math.sqrt(b["stiffness"] * b["load_inertia"])
@@ -205,6 +208,9 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     for name in ("stiffness", "load_inertia", "motor_inertia", "torque_scale", "efficiency", "drive_gain"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = 0.02 * base.start[i], 50.0 * base.start[i]
+    if not any(run.mode == "braked" for run in runs) and rig.inertia_reference is not None:
+        i = BASE_INDEX["load_inertia"]
+        lower[i], upper[i] = rig.inertia_reference / MAKERS_FIGURE, rig.inertia_reference * MAKERS_FIGURE
     upper[BASE_INDEX["efficiency"]] = 2.0
     i = BASE_INDEX["motor_inertia"]
     lower[i] = max(lower[i], min(known_inertia(rig), base.start[i]))

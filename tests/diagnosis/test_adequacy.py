@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.adequacy import _standard_error, adequacy, input_period
+from jointscope.diagnosis.adequacy import Block, _standard_error, adequacy, input_period
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
 
 RATE = 500.0
@@ -128,3 +128,12 @@ def test_pairs_that_differ_by_more_than_their_noise_tells_are_less_sure():
     assert _standard_error([(v, v, 1e6) for v in values]) == pytest.approx(1e3 / np.sqrt(len(values)))
     assert _standard_error(found[:3]) == pytest.approx(10.0 / np.sqrt(3.0))
     assert np.isnan(_standard_error([]))
+
+
+@pytest.mark.parametrize(
+    ("base", "left", "error", "explained"),
+    [(0.9, 0.04, 0.001, 0.956), (0.9, 0.3, 0.2, 1.0), (0.9, 0.7, 0.1, 0.222), (0.1, 0.05, 0.04, 0.0)],
+)
+def test_what_does_not_stand_out_of_the_scatter_is_not_left(base, left, error, explained):
+    block = Block(("k",), 1000, base, left, base, left, error)
+    assert block.explained == pytest.approx(explained, abs=1e-3)

@@ -192,6 +192,19 @@ def test_a_nameplate_off_by_ten_bounds_nothing(problem, wrong):
         assert base.lower[i] < 0.5 * start[name] and base.upper[i] > 2.0 * start[name]
 
 
+def test_in_motions_alone_friction_makes_no_arm_25_times_as_heavy(problem):
+    """A hit tells the inertia whatever the nameplate says, and motions do not; without a figure nothing is known."""
+    rig = replace(problem.rig, inertia_reference=3.0)
+    moved = tuple(run for run in problem.runs if run.mode != "braked")
+    i = problem.base.names.index("load_inertia")
+    told, hit, silent = (
+        bounded(problem.base, runs, own)
+        for runs, own in ((moved, rig), (problem.runs, rig), (moved, replace(rig, inertia_reference=None)))
+    )
+    assert (told.lower[i], told.upper[i]) == (0.75, 12.0)
+    assert hit.upper[i] == silent.upper[i] > 25.0 * 3.0
+
+
 def stand_in(name, variant, chi2=0.0, w=()):
     """As much of a judged hypothesis as telling two apart looks at."""
     spec = SimpleNamespace(name=name.partition("@")[0], location=name.partition("@")[2], variant=variant)
