@@ -23,12 +23,9 @@ QUIET = 0.2  # of the rms change at an update, that may be left of changes in be
 ENOUGH = 64  # updates, below which nothing is said
 FINER = 8  # cells of the spectrum per 1/length
 PHASES = 16  # tried per update
-OFF = np.array(  # cells of the spectrum from a line's top, tried; a sweep's line leans by up to its own width
-    [
-        0.0,
-        *(sign * off for off in (*np.arange(0.25, 1.0, 0.25), *np.arange(1.0, 8.5, 0.5)) for sign in (1.0, -1.0)),
-    ]
-)
+OFF = np.array(
+    [0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0]
+)  # cells of the spectrum from a line's top, tried
 PLACED = 0.95  # of the changes in between: at a rate near a fraction of the file's a few are an update's
 OF_NORMAL = 0.8711  # rms of that share of a normal distribution's smallest deviations over that of all
 AGREE = 0.01  # of the rate, within which the logs of one device must agree
@@ -78,7 +75,7 @@ def hold_of(samples: Vector, rate: float) -> Hold | None:
     left, jumps = float(np.sqrt(np.mean(np.square(still)))) / OF_NORMAL, np.sqrt(square[at_update])
     if left > QUIET * float(np.sqrt(np.mean(np.square(jumps)))) or not float(np.median(jumps)) > left:
         return None
-    return Hold(float(update), left / math.sqrt(2.0))
+    return Hold(update, left / math.sqrt(2.0))
 
 
 def _updates(n: int, update: float, rate: float, square: Vector) -> tuple[float, NDArray[np.bool_]]:
