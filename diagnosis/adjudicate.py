@@ -47,9 +47,7 @@ ASKED = 3  # sets that are asked what no other form of their parts could do
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
-UNREACHED_PLACE = (
-    0.1  # the same of an effect of one place or level: the base's parameters, which move too, foretell that
-)
+UNREACHED_PLACE = 0.1  # the same of an effect of one place or level: the base, which moves too, foretells that
 APART = 2  # fitted runs that must each show what no held-out run can
 
 

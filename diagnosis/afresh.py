@@ -33,18 +33,8 @@ FAMILIES = ("stiffness", "hysteretic")
 FACTORS = (1.0, 2.0, 4.0, -1.0, -2.0, -4.0)  # times the trials' sizes
 TRIED = 4  # laws fitted
 REFITTED = 60  # simulations of all runs under one noise
-LEVELS = (
-    0.25,
-    0.35,
-    0.5,
-    0.6,
-    0.7,
-    0.85,
-    1.0,
-    1.2,
-    1.4,
-    2.0,
-)  # of the base's inertia, at which a payload is tried
+# of the base's inertia, at which a payload is tried
+LEVELS = (0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.0, 1.2, 1.4, 2.0)
 LIES = (0.0, 0.5, 1.0)  # of the way from the lower group to the upper, where the base may lie
 NOISES = 2  # of its own, one after the other
 

@@ -12,33 +12,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import csd, welch
+from scipy.signal import csd
 
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.recordings.bandlimited import bandlimited
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.inputs import Drive
     from jointscope.recordings.campaign import Run, Signal
 
 Vector = NDArray[np.float64]
 
-ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
 SEGMENT = 0.5  # s
 GROUPED = 3  # neighbouring frequencies whose coherence is averaged
 FEWEST = 16  # segments, over all takes, from which a coherence is read: noise alone has one over their number
 ANSWERED = 0.2  # coherence at the frequency that shows most
 
 
-def answered(takes: Sequence[tuple[Run, Vector, float, float, float]]) -> bool | None:
+def answered(takes: Sequence[tuple[Run, Drive, float]]) -> bool | None:
     """Whether the arm answers to what ``input_estimate`` would take off these logs; ``None`` where nothing tells.
 
     Args:
-        takes: Of one experiment and device: the run, its log [any unit], rate [Hz], start [s] and noise [as the log].
+        takes: Of one experiment and device: the run, its torque as logged, and the noise of the log [as the torque].
     """
-    together: dict[float, list[Vector]] = {}
+    together: dict[float, Vector] = {}
     segments: dict[float, int] = {}
-    for run, samples, rate, start, noise in takes:
-        removed = bandlimited(samples - estimated_input(samples, rate, noise), rate, start)
+    for run, log, noise in takes:
+        rate, start = log.signal.rate, log.signal.start
+        removed = bandlimited(log.samples - estimated_input(log.samples, rate, noise), rate, start)
         for signal in _accelerometers(run):
             own = signal.sampling_rate
             inside = (signal.times >= removed.start) & (signal.times <= removed.end)
@@ -46,13 +48,8 @@ def answered(takes: Sequence[tuple[Run, Vector, float, float, float]]) -> bool |
             length = round(SEGMENT * own)
             if x.size < 2 * length or not (np.isfinite(y).all() and np.ptp(x) > 0.0 and np.ptp(y) > 0.0):
                 continue
-            spectra = [
-                welch(x, own, nperseg=length)[1],
-                welch(y, own, nperseg=length)[1],
-                csd(x, y, own, nperseg=length)[1],
-            ]
-            before = together.get(own)
-            together[own] = spectra if before is None else [a + b for a, b in zip(before, spectra, strict=True)]
+            spectra = np.stack([csd(a, b, own, nperseg=length)[1] for a, b in ((x, x), (y, y), (x, y))])
+            together[own] = together.get(own, 0.0) + spectra
             segments[own] = segments.get(own, 0) + 2 * x.size // length
     told = [own for own in together if segments[own] >= FEWEST]
     return any(_coherence(*together[own]).max() > ANSWERED for own in told) if told else None
@@ -68,5 +65,5 @@ def _accelerometers(run: Run) -> list[Signal]:
 
 def _coherence(own: Vector, other: Vector, cross: Vector) -> Vector:
     """Averaged over neighbouring frequencies, from the second on: a mean tells nothing."""
-    found = np.square(np.abs(cross)) / np.maximum(own * other, 1e-300)
+    found = np.square(np.abs(cross)) / np.maximum(np.real(own * other), 1e-300)
     return np.convolve(found[2:-1], np.ones(GROUPED) / GROUPED, mode="valid")

@@ -90,11 +90,7 @@ def torque_logs(runs: Sequence[Run], rig: Nameplate) -> list[Log | None]:
             levels.setdefault(runs[i].experiment, {})[i] = level
         most = ALIKE * min((float(np.median([*v.values()])) for v in levels.values()), default=0.0)
         for own in levels.values():
-            louder = [
-                (runs[i], drive.samples, key[1], drive.signal.start, own[i])
-                for i, drive in device
-                if own.get(i, 0.0) > most
-            ]
+            louder = [(runs[i], drive, own[i]) for i, drive in device if own.get(i, 0.0) > most]
             unheard = louder != [] and answered(louder) is False
             for i, level in own.items():
                 logs[i] = Log(level if unheard else min(level, most), 0.0 if hold is None else hold.rate)

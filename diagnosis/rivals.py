@@ -53,10 +53,8 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
     "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
     "cubic": ("piecewise-cubic",),
-    "first-order": (
-        "second-order",
-        "magnitude-optimum",
-    ),  # of as many, from either of which the next set may be missed
+    # of as many, but from a lag of the wrong order the next effect is missed
+    "first-order": ("second-order", "magnitude-optimum"),
     "second-order": ("first-order", "magnitude-optimum"),
     "piecewise": ("piecewise-cubic",),
     "motor-order": ("motor-order-harmonic", "output-order-harmonic"),
