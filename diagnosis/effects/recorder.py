@@ -85,11 +85,12 @@ def _log_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     rate, seen = _log_rate(problem), _refreshed(problem)
     if not seen:
         return {"rate": (0.02 * rate, 20.0 * rate)}
-    return {"rate": ((1.0 - SEEN) * seen, (1.0 + SEEN) * seen), "age": (0.0, 1.0 / rate)}
+    return {"rate": ((1.0 - SEEN) * seen, (1.0 + SEEN) * seen), "age": (-1.0 / rate, 1.0 / rate)}
 
 
 def _half_a_sample(problem: Problem) -> tuple[Values, ...]:
-    return ((0.5 / _log_rate(problem),),)
+    half = 0.5 / _log_rate(problem)  # older: read between two updates; younger: a drive holds its torque for a cycle
+    return (half,), (-half,)
 
 
 def _needs_repeats(problem: Problem) -> str | None:
@@ -107,7 +108,7 @@ def _drifts(problem: Problem) -> tuple[float, float, float]:
     return 30.0 / duration, 300.0 / duration, 2000.0 / duration
 
 
-_AGE = ParameterSpec("age", "s", 0.0, 1.0)
+_AGE = ParameterSpec("age", "s", -1.0, 1.0)
 SEEN = 0.001  # of the rate at which a log is seen to be refreshed, within which it is held there
 _TIMING = ("drive-lag", "delay", "torque-logging", "sensor-resonance")
 
