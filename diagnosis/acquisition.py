@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
 
-from jointscope.recordings.bandlimited import Bandlimited
+from jointscope.diagnosis.kernel.between import SHORTEST, quintic
+from jointscope.recordings.bandlimited import OVERSAMPLING, Bandlimited
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly, Chain
@@ -25,7 +26,14 @@ _WEAKEST = 0.3  # an average's transfer is not divided by less than this
 def shifted(signal: Bandlimited, run: PreparedRun, chain: Chain) -> Vector:
     """A late device's signal at the true half-step times: what happened at t was stamped (t + delay)(1 + clock)."""
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-    return signal((half + chain.delay) * (1.0 + chain.clock))
+    times = (half + chain.delay) * (1.0 + chain.clock)
+    coefficients, lead = signal.quintic
+    if coefficients.size < SHORTEST:
+        return signal(times)
+    inside = np.clip(times, signal.start, signal.end)
+    out = np.empty_like(inside)
+    quintic(coefficients, (inside - signal.start) * (signal.rate * OVERSAMPLING) + lead, out)
+    return out
 
 
 def load_input(assembly: Assembly) -> Vector:

@@ -47,6 +47,13 @@ class Bandlimited:
     @functools.cached_property
     def _spline(self) -> interpolate.BSpline:
         """By time from the start on [s]; made when first asked for, as many records are never read between samples."""
+        coefficients, lead = self.quintic
+        knots = np.arange(coefficients.size + _DEGREE + 1) - (_DEGREE + 1) // 2 - lead
+        return interpolate.BSpline(knots / (self.rate * OVERSAMPLING), coefficients, _DEGREE)
+
+    @functools.cached_property
+    def quintic(self) -> tuple[Real, int]:
+        """Coefficients of the quintic B-spline, OVERSAMPLING to a sample, and how many of them precede the start."""
         values = self._samples
         edge = min(_EDGE, values.size - 1)
         padded = np.concatenate(
@@ -57,10 +64,7 @@ class Bandlimited:
         lead = min(8, edge) * OVERSAMPLING  # a few samples outside the ends keep the spline's end conditions away
         begin = first + edge * OVERSAMPLING - lead
         fine = fine[begin : begin + (values.size - 1) * OVERSAMPLING + 1 + 2 * lead]
-        knots = np.arange(fine.size + _DEGREE + 1) - (_DEGREE + 1) // 2 - lead
-        return interpolate.BSpline(
-            knots / (self.rate * OVERSAMPLING), ndimage.spline_filter1d(fine, _DEGREE, mode="mirror"), _DEGREE
-        )
+        return np.asarray(ndimage.spline_filter1d(fine, _DEGREE, mode="mirror"), dtype=np.float64), lead
 
 
 def bandlimited(samples: Real, rate: float, start: float = 0.0) -> Bandlimited:

@@ -89,7 +89,9 @@ def _log_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 def _half_a_sample(problem: Problem) -> tuple[Values, ...]:
-    half = 0.5 / _log_rate(problem)  # older: read between two updates; younger: a drive holds its torque for a cycle
+    half = 0.5 / _log_rate(
+        problem
+    )  # older: read between two updates; younger: a drive holds its torque for a cycle
     return (half,), (-half,)
 
 

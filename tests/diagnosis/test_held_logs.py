@@ -36,7 +36,7 @@ def test_it_is_told_and_its_laws_keep_the_rate(held):
     seen = next(s for s in catalogue(held) if s.variant == "seen-held")
     assert seen.scale(held)[1] == pytest.approx(125.0, rel=2e-3)
     assert seen.limits(held)["rate"] == pytest.approx((125.0, 125.0), rel=3e-3)
-    assert seen.limits(held)["age"] == (0.0, 1 / 500.0)
+    assert seen.limits(held)["age"] == (-1 / 500.0, 1 / 500.0)
 
 
 def test_the_staircase_is_no_noise(held):
