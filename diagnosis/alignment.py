@@ -1,7 +1,9 @@
 """Streams whose start is not exact: their offset is found per run and is never an effect.
 
 The offset of a device is the shift of its clock at which the base model fits best: searched on a grid over three
-standard deviations (or half a second where the start is unknown), then by golden section.
+standard deviations (or half a second where the start is unknown), then by golden section. Where its standard deviation s is
+given, what the offset has come to in all costs (offset/s)^2/2 beside the logarithm of the error: what the base lacks would
+else pull a clock milliseconds past what its stream allows, and the phase of every line with it.
 """
 
 from __future__ import annotations
@@ -24,13 +26,14 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 WIDEST = 0.5  # s searched either way where the start is unknown
+WITHIN = 3.0  # standard deviations
 _STEP = 2e-3  # s of the first grid; a quarter period of the highest resonance that a joint has
 
 
 def uncertain(run: Run, device: int) -> float:
     """Half width of the search for a device's offset [s]; 0 where its start is exact."""
     spread = run.streams[device].start_uncertainty
-    return min(3.0 * spread, WIDEST) if spread > 0.0 else 0.0
+    return min(WITHIN * spread, WIDEST) if spread > 0.0 else 0.0
 
 
 def aligned(problem: Problem, theta: Vector) -> Problem:
@@ -65,6 +68,7 @@ def moved(run: PreparedRun, device: int, offset: float) -> PreparedRun:
     """The run with one device's samples taken ``offset`` [s] later than its stream says."""
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     changes: dict[str, object] = {
+        "offsets": {**run.offsets, device: run.offsets.get(device, 0.0) + offset},
         "outputs": tuple(replace(o, times=o.times + offset) if o.device == device else o for o in run.outputs),
         "declared": tuple(replace(o, times=o.times + offset) if o.device == device else o for o in run.declared),
     }
@@ -87,7 +91,7 @@ def _later(signal: Bandlimited, offset: float) -> Bandlimited:
 def _cost(run: PreparedRun, device: int, offset: float, problem: Problem, theta: Vector) -> float:
     """Sum over outputs of the logarithm of their error's share."""
     trial = moved(run, device, offset)
-    total = 0.0
+    total = _unlikely(trial, device)
     for output, y in zip(trial.outputs, predict_outputs(trial, theta, (), problem), strict=True):
         data = output.data[output.mask]
         error = float(np.mean((data - y[output.mask]) ** 2)) / (float(np.var(data)) + 1e-300)
@@ -95,11 +99,18 @@ def _cost(run: PreparedRun, device: int, offset: float, problem: Problem, theta:
     return total
 
 
+def _unlikely(run: PreparedRun, device: int) -> float:
+    """What a device's whole offset costs; nothing where its start is unknown."""
+    spread = run.run.streams[device].start_uncertainty
+    return 0.5 * (run.offsets.get(device, 0.0) / spread) ** 2 if 0.0 < WITHIN * spread < WIDEST else 0.0
+
+
 def _nearby(run: PreparedRun, device: int, centre: float, problem: Problem, theta: Vector) -> float:
     """The best offset within a step of the grid [s]."""
+    width, before = uncertain(run.run, device), run.offsets.get(device, 0.0)
     found = minimize_scalar(
         lambda offset: _cost(run, device, offset, problem, theta),
-        bounds=(centre - _STEP, centre + _STEP),
+        bounds=(max(centre - _STEP, -width - before), min(centre + _STEP, width - before)),
         method="bounded",
         options={"xatol": 1e-6},
     )
@@ -107,6 +118,7 @@ def _nearby(run: PreparedRun, device: int, centre: float, problem: Problem, thet
 
 
 def _best(run: PreparedRun, device: int, width: float, problem: Problem, theta: Vector) -> PreparedRun:
-    grid = np.arange(-width, width + _STEP, _STEP)
+    grid = np.arange(-width, width + _STEP, _STEP) - run.offsets.get(device, 0.0)
+    grid = np.minimum(grid, width - run.offsets.get(device, 0.0))
     costs = [_cost(run, device, float(offset), problem, theta) for offset in grid]
     return moved(run, device, _nearby(run, device, float(grid[int(np.argmin(costs))]), problem, theta))

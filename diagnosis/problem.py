@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -123,6 +124,7 @@ class PreparedRun:
         motor_zero: Recorded motor angle / n minus the model's q_s at the start [rad].
         outputs: What is compared.
         declared: Every channel that the run declares as output, for prediction.
+        offsets: By device, how much later than its stream says its samples are taken [s], where that was aligned.
     """
 
     run: Run
@@ -154,6 +156,7 @@ class PreparedRun:
     motor_zero: float
     outputs: tuple[Output, ...]
     declared: tuple[Output, ...] = ()
+    offsets: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def time(self) -> Vector:
