@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis import kernel
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.problem import PreparedRun, Problem
+    from jointscope.diagnosis.problem import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 
@@ -47,6 +47,32 @@ LAW_HZ = 1.0  # where the drive's law, read backwards from its torque, stands fo
 OBSERVER_ZETA = 0.8
 
 
+SAME_RADIUS = 1e-3  # m
+
+
+@dataclass
+class Sensor:
+    """What an accelerometer does to what it is to read; the neutral values do nothing.
+
+    Attributes:
+        tilt: Its axis from tangential towards radial [rad].
+        resonance: Of its mount [Hz], ``inf`` without.
+        resonance_damping: Damping ratio of that [-].
+        bandwidth: First-order [Hz], ``inf`` without.
+        saturation: Level at which it clips [m/s^2 or rad/s^2], ``inf`` without.
+        knee: How sharply it does, y / (1 + |y/level|^knee)^(1/knee) [-].
+        gain: True over stated sensitivity [-].
+    """
+
+    tilt: float = 0.0
+    resonance: float = math.inf
+    resonance_damping: float = 0.05
+    bandwidth: float = math.inf
+    saturation: float = math.inf
+    knee: float = math.inf
+    gain: float = 1.0
+
+
 @dataclass
 class Chain:
     """What the instruments do to the signals; the neutral values do nothing.
@@ -55,14 +81,9 @@ class Chain:
         delay: The devices that are not the DAQ stamp late by this [s].
         encoder_delay: The arm's encoder is read late by this against the motor's, on one device [s].
         clock: Their clock runs fast by this [-] (1e-6 = 1 ppm).
-        tilt: Accelerometer axis from tangential towards radial [rad].
-        resonance: Mount resonance of the accelerometer [Hz], ``inf`` without.
-        resonance_damping: Its damping ratio [-].
-        bandwidth: First-order bandwidth of the accelerometer [Hz], ``inf`` without.
-        saturation: Level at which the accelerometer clips [m/s^2 or rad/s^2], ``inf`` without.
-        knee: How sharply it does, y / (1 + |y/level|^knee)^(1/knee) [-].
-        accelerometer_gain: True over stated sensitivity [-].
-        force_gain: The same of the hammer's force [-].
+        sensor: Of every accelerometer.
+        sensors_at: Of those on the arm at a radius [m] alone.
+        force_gain: True over stated sensitivity of the hammer's force [-].
         torque_gain: True over stated torque constant or efficiency [-].
         heat: Share by which the torque constant has fallen in the end where the torque stays at half its largest [-], and the
             time constant of that [s].
@@ -78,13 +99,8 @@ class Chain:
     delay: float = 0.0
     encoder_delay: float = 0.0
     clock: float = 0.0
-    tilt: float = 0.0
-    resonance: float = math.inf
-    resonance_damping: float = 0.05
-    bandwidth: float = math.inf
-    saturation: float = math.inf
-    knee: float = math.inf
-    accelerometer_gain: float = 1.0
+    sensor: Sensor = field(default_factory=Sensor)
+    sensors_at: dict[float, Sensor] = field(default_factory=dict)
     force_gain: float = 1.0
     torque_gain: float = 1.0
     heat: tuple[float, float] = (0.0, 1.0)
@@ -95,6 +111,12 @@ class Chain:
     log_age: float = 0.0
     vibration: tuple[float, float] = (1.0, 0.0)
     vibration_mount: bool = False
+
+    def sensors(self, output: Output) -> tuple[Sensor, ...]:
+        """What an accelerometer's signal passes: what all of them do, and what the one at its radius does."""
+        if output.location == "motor" or output.radius is None or not self.sensors_at:
+            return (self.sensor,)
+        return (self.sensor, *(own for r, own in self.sensors_at.items() if abs(r - output.radius) < SAME_RADIUS))
 
 
 @dataclass(frozen=True)

@@ -191,13 +191,15 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
     """One channel's prediction, shape of ``output.data``, from the kernel's rows, shape (n + 1, kernel.N_OUT)."""
     chain = assembly.chain
     x = _at_sensor(states, assembly, run, output)
+    sensors = chain.sensors(output) if output.quantity in ACCELERATIONS else ()
     if output.quantity in ACCELERATIONS:
-        if chain.accelerometer_gain != 1.0:
-            x = chain.accelerometer_gain * x
-        if math.isfinite(chain.resonance):
-            x = mount_resonance(x, chain.resonance, chain.resonance_damping, run.grid_rate)
-        if math.isfinite(chain.bandwidth):
-            x = low_pass(x, chain.bandwidth, run.grid_rate)
+        for sensor in sensors:
+            if sensor.gain != 1.0:
+                x = sensor.gain * x
+            if math.isfinite(sensor.resonance):
+                x = mount_resonance(x, sensor.resonance, sensor.resonance_damping, run.grid_rate)
+            if math.isfinite(sensor.bandwidth):
+                x = low_pass(x, sensor.bandwidth, run.grid_rate)
         if output.low_cutoff is not None:
             x = high_pass(x, output.low_cutoff, run.grid_rate, _at_rest(states, assembly, run, output))
     if output.high_pass is not None:
@@ -212,11 +214,13 @@ def observe(states: Vector, assembly: Assembly, run: PreparedRun, output: Output
             y += _smooth(q, run, times) - _smooth(q, run, times - chain.encoder_delay)
     else:
         y = recorded(x, run.grid_rate, run.t0, times, output.rate)
-    if math.isfinite(chain.saturation) and output.quantity in ACCELERATIONS:
-        if math.isfinite(chain.knee):
-            y = y / np.power(1.0 + np.power(np.abs(y) / chain.saturation, chain.knee), 1.0 / chain.knee)
+    for sensor in sensors:
+        if not math.isfinite(sensor.saturation):
+            continue
+        if math.isfinite(sensor.knee):
+            y = y / np.power(1.0 + np.power(np.abs(y) / sensor.saturation, sensor.knee), 1.0 / sensor.knee)
         else:
-            y = np.clip(y, -chain.saturation, chain.saturation)
+            y = np.clip(y, -sensor.saturation, sensor.saturation)
     return y
 
 
@@ -227,7 +231,7 @@ def _at_rest(states: Vector, assembly: Assembly, run: PreparedRun, output: Outpu
     if output.quantity != "linear-acceleration" or output.location == "motor":
         return 0.0
     still = _specific_force(states[:1], np.zeros(1), assembly, output)
-    return assembly.chain.accelerometer_gain * float(still[0])
+    return math.prod(sensor.gain for sensor in assembly.chain.sensors(output)) * float(still[0])
 
 
 def _of_arm_encoder(output: Output) -> bool:
@@ -275,7 +279,7 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
 def _specific_force(states: Vector, acceleration: Vector, assembly: Assembly, output: Output) -> Vector:
     """Accelerometer on the arm: tangential r q'' + g cos q, radial -r q'^2 + g sin q, mixed by its tilt [m/s^2]."""
     radius = output.radius or 1.0
-    tilt, g = assembly.chain.tilt, output.gravity
+    tilt, g = sum(sensor.tilt for sensor in assembly.chain.sensors(output)), output.gravity
     radial = output.direction == "radial"
     along, across = (math.sin(tilt), math.cos(tilt)) if radial else (math.cos(tilt), math.sin(tilt))
     if radial:

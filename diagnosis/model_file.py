@@ -28,6 +28,7 @@ from jointscope.diagnosis.effects import (
     with_run_weights,
 )
 from jointscope.diagnosis.effects.latent import node_range
+from jointscope.diagnosis.effects.one_sensor import named
 from jointscope.diagnosis.run_preparation import gravity_at
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Nameplate, Run, Signal
@@ -123,7 +124,8 @@ def read_model_json(
 
 def _effect(entry: Mapping[str, Any], problem: Problem) -> ActiveEffect:
     name, location, variant = entry["effect"], entry["location"], entry.get("variant", "")
-    for spec in (*REGISTRY, *LATENT, *PAYLOADS, *BENDS, DRIFT_PER_RUN):
+    own = named(name, variant)
+    for spec in (*REGISTRY, *LATENT, *PAYLOADS, *BENDS, DRIFT_PER_RUN, *(() if own is None else (own,))):
         if (spec.name, spec.location, spec.variant) == (name, location, variant):
             stated = entry["parameters"]
             missing = [p.name for p in spec.parameters if p.name not in stated]

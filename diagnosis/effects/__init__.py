@@ -16,6 +16,7 @@ from jointscope.diagnosis.effects import (
     load,
     loaded,
     modes,
+    one_sensor,
     periodic,
     postures,
     recorder,
@@ -75,8 +76,8 @@ _TRANSLATIONAL = (("kg m^2", "kg"), ("N m", "N"), ("rad", "m"))
 
 
 def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
-    """``REGISTRY`` with the bounds and units of the rig at hand."""
-    return tuple(at_rig(spec, problem) for spec in REGISTRY)
+    """``REGISTRY``, and the laws of each accelerometer of several, with the bounds and units of the rig at hand."""
+    return tuple(at_rig(spec, problem) for spec in (*REGISTRY, *one_sensor.one_sensor_laws(problem)))
 
 
 def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Problem) -> EffectSpec:

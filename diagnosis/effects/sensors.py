@@ -12,12 +12,15 @@ Facts used as tests: at standstill a tilted dc sensor reads g cos(q - angle); a 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.diagnosis.assembly import SAME_RADIUS
 from jointscope.diagnosis.effects.lines import Residuals, response_peaks
 from jointscope.diagnosis.effects.spec import (
+    Apply,
     EffectSpec,
     ParameterSpec,
     Values,
@@ -29,32 +32,47 @@ from jointscope.diagnosis.effects.spec import (
 from jointscope.diagnosis.resolution import clips
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.assembly import Assembly
+    from jointscope.diagnosis.assembly import Assembly, Sensor
     from jointscope.diagnosis.problem import Problem
 
 DAMPED = 0.7  # from which damping on a mount amplifies nothing
 
 
-def _tilt(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.chain.tilt += values[0]
+def _tilt(sensor: Sensor, values: Values) -> None:
+    sensor.tilt += values[0]
 
 
-def _resonance(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.chain.resonance, assembly.chain.resonance_damping = values
+def _resonance(sensor: Sensor, values: Values) -> None:
+    sensor.resonance, sensor.resonance_damping = values
 
 
-def _bandwidth(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.chain.bandwidth = values[0]
+def _bandwidth(sensor: Sensor, values: Values) -> None:
+    sensor.bandwidth = values[0]
 
 
-def _saturation(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.chain.saturation = values[0]
+def _saturation(sensor: Sensor, values: Values) -> None:
+    sensor.saturation = values[0]
     if len(values) > 1:
-        assembly.chain.knee = values[1]
+        sensor.knee = values[1]
 
 
-def _accelerometer_gain(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.chain.accelerometer_gain *= values[0]
+def _gain(sensor: Sensor, values: Values) -> None:
+    sensor.gain *= values[0]
+
+
+PUT: dict[str, Callable[[Sensor, Values], None]] = {
+    "radial": _tilt, "mount": _resonance, "bandwidth": _bandwidth, "clip": _saturation, "compressing": _saturation,
+    "accelerometer": _gain,
+}  # fmt: skip
+
+
+def _of_all(variant: str) -> Apply:
+    """The law in every accelerometer."""
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        PUT[variant](assembly.chain.sensor, values)
+
+    return apply
 
 
 def _force_gain(assembly: Assembly, values: Values, weight: float) -> None:
@@ -102,8 +120,18 @@ def _resonance_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 def _levels(problem: Problem) -> tuple[float, float, float]:
     peak = max(problem.scales.acceleration, 1e-9)
-    flat = [float(np.max(np.abs(o.data))) for run in problem.runs for o in run.outputs if clips(o)]
-    return min(flat, default=0.95 * peak), 0.75 * peak, 0.45 * peak
+    return min(flat_tops(problem), default=0.95 * peak), 0.75 * peak, 0.45 * peak
+
+
+def flat_tops(problem: Problem, radius: float | None = None) -> list[float]:
+    """The readings [m/s^2] at which accelerometers, or those at ``radius`` [m], are seen to clip."""
+    near = (
+        o
+        for run in problem.runs
+        for o in run.outputs
+        if radius is None or (o.radius is not None and abs(o.radius - radius) < SAME_RADIUS)
+    )
+    return [float(np.max(np.abs(o.data))) for o in near if clips(o)]
 
 
 def _level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
@@ -143,7 +171,7 @@ SPECS: tuple[EffectSpec, ...] = (
         law="cos(angle) tangential + sin(angle) radial",
         revealed_by=("speed-motion", "torque-sweep"),
         look_alikes=("gravity", "sensor-gain"),
-        apply=_tilt,
+        apply=_of_all("radial"),
         scale=lambda problem: (0.01, 0.05, 0.15),
         starts=one_start,
         possible=_tilt_possible,
@@ -158,7 +186,7 @@ SPECS: tuple[EffectSpec, ...] = (
         revealed_by=("hammer", "torque-sweep"),
         look_alikes=_TIMING,
         sensible=_rings_or_lags,
-        apply=_resonance,
+        apply=_of_all("mount"),
         scale=_resonance_sizes,
         starts=lambda problem: ((0.05,), (0.3,)),
         possible=needs_accelerometer,
@@ -175,7 +203,7 @@ SPECS: tuple[EffectSpec, ...] = (
         revealed_by=("hammer", "torque-sweep"),
         look_alikes=_TIMING,
         sensible=lambda values: lasts((1.0 / (2.0 * math.pi * values[0]),)),
-        apply=_bandwidth,
+        apply=_of_all("bandwidth"),
         scale=_resonance_sizes,
         starts=one_start,
         possible=needs_accelerometer,
@@ -193,7 +221,7 @@ SPECS: tuple[EffectSpec, ...] = (
             law=law,
             revealed_by=("hammer", "torque-sweep"),
             look_alikes=("link-flexibility", "stiffness-nonlinearity"),
-            apply=_saturation,
+            apply=_of_all(variant),
             scale=sizes,
             starts=starts,
             possible=needs_accelerometer,
@@ -224,7 +252,7 @@ SPECS: tuple[EffectSpec, ...] = (
         law="gain y",
         revealed_by=("hammer", "torque-sweep", "speed-motion"),  # whose acceleration the encoders know
         look_alikes=("torque-gain", "sensor-tilt"),
-        apply=_accelerometer_gain,
+        apply=_of_all("accelerometer"),
         scale=lambda problem: (1.01, 1.04, 1.12),
         sensible=beyond_calibration,
         starts=one_start,

@@ -20,31 +20,40 @@ def clock_drift(building: Building, location: str, variant: str, p: Parameters) 
     return ""
 
 
+def _place(variant: str) -> dict[str, float]:
+    """The radius [m] of the only accelerometer that a law is of, ``mount-at-0.92``; nothing where it is of all."""
+    _, at, radius = variant.partition("-at-")
+    return {"radius": float(radius)} if at else {}
+
+
 def tilt(building: Building, location: str, variant: str, p: Parameters) -> str:
     """The accelerometer's axis is off tangential."""
-    building.law("sensor-tilt", angle=p["angle"])
+    building.law("sensor-tilt", angle=p["angle"], **_place(variant))
     return ""
 
 
 def resonance(building: Building, location: str, variant: str, p: Parameters) -> str:
     """The accelerometer's mount resonates, or its bandwidth ends."""
-    if variant == "bandwidth" or "damping" not in p:
-        building.law("sensor-bandwidth", frequency=p["frequency"])
+    if variant.startswith("bandwidth") or "damping" not in p:
+        building.law("sensor-bandwidth", frequency=p["frequency"], **_place(variant))
     else:
-        building.law("sensor-resonance", frequency=p["frequency"], damping=p["damping"])
+        building.law("sensor-resonance", frequency=p["frequency"], damping=p["damping"], **_place(variant))
     return ""
 
 
 def saturation(building: Building, location: str, variant: str, p: Parameters) -> str:
     """The accelerometer clips, or is compressed towards a level."""
     knee = {"knee": p["knee"]} if "knee" in p else {}
-    building.law("sensor-saturation", level=p["level"], **knee)
+    building.law("sensor-saturation", level=p["level"], **knee, **_place(variant))
     return ""
 
 
 def sensitivity(building: Building, location: str, variant: str, p: Parameters) -> str:
     """Accelerometer or force cell off."""
-    building.law("force-gain" if variant == "force" else "accelerometer-gain", gain=p["gain"])
+    if variant == "force":
+        building.law("force-gain", gain=p["gain"])
+    else:
+        building.law("accelerometer-gain", gain=p["gain"], **_place(variant))
     return ""
 
 

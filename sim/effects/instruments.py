@@ -85,6 +85,8 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         if signal.channel.quantity not in ACCELERATIONS:
             return values
         for law in sorted(laws, key=lambda law: INSTRUMENTS.index(law["kind"])):
+            if not _meant(law, signal):
+                continue
             if law["kind"] == "bend-sensors":
                 values = _bent(law, run, signal, values, trace)
             else:
@@ -94,11 +96,19 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
     def kept(signal: Signal, samples: Real) -> Real:
         if signal.channel.quantity in ACCELERATIONS:
             for law in laws:
-                if law["kind"] == "sensor-saturation":
+                if law["kind"] == "sensor-saturation" and _meant(law, signal):
                     samples = _saturated(samples, law["level"], law.get("knee"))
         return samples
 
     return Acquisition(acted=acted, clock=clock, seen=seen, kept=kept)
+
+
+def _meant(law: Law, signal: Signal) -> bool:
+    """Whether a law that is of one accelerometer is of this one: by its radius on the arm [m]."""
+    if "radius" not in law:
+        return True
+    channel = signal.channel
+    return channel.location != "motor" and abs((channel.radius or math.inf) - float(law["radius"])) < _SAME
 
 
 def _saturated(samples: NDArray[np.float64], level: float, knee: float | None) -> NDArray[np.float64]:
@@ -161,6 +171,7 @@ def _delayed(u: Real, times: Real, time_constant: complex) -> NDArray[np.complex
     return np.asarray(lfilter([now, 1.0 - kept - now], [1.0, -kept], u), dtype=np.complex128)
 
 
+_SAME = 1e-3  # m
 _CONTACT_SHARE, _CONTACT_NOISE, _CONTACT_MARGIN, _LONGEST_CONTACT = 0.005, 6.0, 0.008, 0.25
 
 
