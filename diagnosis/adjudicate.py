@@ -29,6 +29,7 @@ from jointscope.diagnosis.poles import joint_poles
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.struck import modes, unheard
 from jointscope.diagnosis.twins import twins
 
 Vector = NDArray[np.float64]
@@ -304,6 +305,13 @@ def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
     return on_one and compare(judgement, parent, child).gain < REAL_RESONANT
 
 
+def _unheard(judgement: Judgement, child: Judged, parent: Judged) -> bool:
+    """Whether the child adds a mode that the hits do not show."""
+    gains = 0.5 * np.concatenate([parent.fitted - child.fitted, parent.held_out - child.held_out])
+    runs = (*judgement.objective.prepared, *judgement.held.prepared)
+    return bool(modes(child.hypothesis) - set(parent.names)) and unheard(runs, gains)
+
+
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
     """Whether an order picked out of hundreds, or a place out of all of a travel, gains more than the best by chance."""
     asked = {f"{s.name}@{s.location}": REAL_PICKED for s in child.hypothesis.specs if s.family == "periodic"}
@@ -343,7 +351,7 @@ def standing(judgement: Judgement) -> list[Judged]:
         over = [compare(judgement, part, child) for part in parts]
         if not all(c.stands or c.beside for c in over):
             continue
-        if any(_rings(judgement, child, part) for part in parts):
+        if any(_rings(judgement, child, part) or _unheard(judgement, child, part) for part in parts):
             continue
         if not child.hypothesis.sensible:
             continue

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+STUCK = 300.0  # nats behind a leader of the same names, from which on another law of one of them is fitted from its numbers
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
 )
@@ -182,9 +183,12 @@ def reshaped(
     hypotheses: Sequence[Hypothesis],
     effort: Effort,
 ) -> list[Hypothesis]:
-    """Fit the other laws of the leader's names from its own numbers, where none of ``hypotheses`` is as near."""
+    """Fit the other laws of the leader's names from its own numbers, where none of ``hypotheses`` is as near.
+
+    What is far behind may be thousands of nats on quiet records, where a fit that got stuck is no answer either.
+    """
     found: list[Hypothesis] = []
-    far = _far_behind(objective, base, leader)
+    far = min(_far_behind(objective, base, leader), leader.loss + STUCK)
     done = {frozenset(id(s) for s in h.specs) for h in hypotheses if h.loss < far}
     for place in _places(leader):
         spec = place.spec

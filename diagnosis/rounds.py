@@ -36,6 +36,7 @@ from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
     Screening,
+    fit_instead,
     fit_pairs,
     fit_singles,
     name_of,
@@ -201,6 +202,7 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
             break
         found = rivals(arena.objective, arena.base.fit, leader, candidates, _losses(arena), effort)
         found.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
+        found.extend(reshaped(arena.objective, arena.base.fit, leader, candidates, arena.hypotheses, effort))
         if not found:
             break
         arena = settled(arena, found, effort)
@@ -244,6 +246,7 @@ def explore(
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
     report("fitting single effects")
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
+    singles.extend(fit_instead(first.objective, first.base.fit, screening, singles, effort))
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))

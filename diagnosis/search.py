@@ -142,6 +142,12 @@ def fit_child(
     where = coordinates(objective.problem, specs)
     theta, effects = parent.coordinates.unpack(parent.x)
     starts = [where.pack(base, (*effects, *actives)) for base in (theta, *other_bases)]
+    starts.extend(
+        where.pack(base, (*effects, *actives[:k], ActiveEffect(active.spec, values), *actives[k + 1 :]))
+        for k, active in enumerate(actives)
+        if active.spec.instead is not None
+        for base, values in active.spec.instead(theta)
+    )
     starts.append(where.pack(theta, (*effects, *(resized(a, NEARLY_NOTHING) for a in actives))))
     residuals = [objective.residual(x, where) for x in starts]
     order = np.argsort([float(w @ w) for w in residuals], kind="stable")
@@ -280,6 +286,15 @@ def fit_singles(objective: Objective, base: Fit, screening: Screening, effort: E
     """Fit the leading single effects; modes of a frequency of their own are laid out by ``resonances``."""
     trials = [t for t in screening.leading if not t.spec.of_own_frequency]
     return fit_leading(objective, base, (), leaders(trials, effort.singles, effort.worth), effort)
+
+
+def fit_instead(
+    objective: Objective, base: Fit, screening: Screening, known: Sequence[Hypothesis], effort: Effort
+) -> list[Hypothesis]:
+    """Fit what stands for a part of the base, wherever a test to first order, at a base that is full of it, put it."""
+    fitted = {id(spec) for h in known for spec in h.specs}
+    trials = [t for t in screening.trials if t.spec.instead is not None and id(t.spec) not in fitted]
+    return fit_leading(objective, base, (), best_per_spec(trials), effort)
 
 
 def fit_leading(

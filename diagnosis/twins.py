@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 BETWEEN = 60.0  # Hz, below which a neighbour or a mount is the likelier, above which the arm
 STEEPNESS = 6.0  # nats per factor e in frequency: three to one at 72 and at 50 Hz
+BY_EYE = 0.1  # rad, to which an accelerometer is mounted upright
 MOST = 4.0  # nats: nothing that is known beforehand is surer
 OWNERS = {"link-flexibility": 0.5, "neighbour-flexibility": -0.5, "base-compliance": -0.5}  # share of the nats
 BEYOND = "absorber"  # the neighbour's law
@@ -65,9 +66,15 @@ def _renamed(problem: Problem, fit: Fit, specs: tuple[EffectSpec, ...], place: i
 
 
 def foreknown(effects: Sequence[ActiveEffect]) -> float:
-    """Nats of belief in these modes' owners that their frequencies, the first parameter, give by themselves."""
+    """Nats of belief in these modes' owners, by their frequency, and in these tilts, by their angle: first parameters both.
+
+    On a level arm a tilt is seen by its cosine alone, which is a gain: 22 degrees would be 7 per cent.
+    """
     owned = [(OWNERS[e.spec.name], e.values[0]) for e in effects if e.spec.name in OWNERS]
-    return sum(share * max(-MOST, min(MOST, STEEPNESS * math.log(hz / BETWEEN))) for share, hz in owned)
+    tilts = [e.values[0] for e in effects if e.spec.name == "sensor-tilt"]
+    return sum(share * max(-MOST, min(MOST, STEEPNESS * math.log(hz / BETWEEN))) for share, hz in owned) - sum(
+        min(MOST, 0.5 * (angle / BY_EYE) ** 2) for angle in tilts
+    )
 
 
 def told_by_frequency(law: str) -> str:

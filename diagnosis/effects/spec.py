@@ -7,6 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from jointscope.diagnosis.parameters import AGE
 
 if TYPE_CHECKING:
@@ -20,6 +23,7 @@ Family = Literal[
     "inertia", "contact", "external",
 ]  # fmt: skip
 Values = tuple[float, ...]
+Vector = NDArray[np.float64]
 CALIBRATED_TO = 0.001  # to which a sensor's factor is known at the very best
 
 
@@ -90,6 +94,7 @@ class EffectSpec:
         exact: Whether nature knows the law in this form only: what it leaves is something else.
         memoryless: Whether it bends every sample by itself: no form of it lags or rings.
         holds: Names of the base's nuisances that it stands for, which stay at their start where it is fitted.
+        instead: Base parameters and values at which it stands for a part of what the base took in its place, or ``None``.
         sensible: Whether fitted values are still this effect: a friction that rises with speed is no Stribeck's.
         sensible_at: The same at a rig: a stop that stops nothing is none, nor a ripple of less than a period.
     """
@@ -116,6 +121,7 @@ class EffectSpec:
     exact: bool = False
     memoryless: bool = False
     holds: tuple[str, ...] = ()
+    instead: Callable[[Vector], tuple[tuple[Vector, Values], ...]] | None = field(default=None, repr=False)
     sensible: Callable[[Values], bool] = field(default=always, repr=False)
     sensible_at: Callable[[Problem, Values], bool] | None = field(default=None, repr=False)
 

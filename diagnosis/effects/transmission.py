@@ -19,8 +19,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects import hysteresis
-from jointscope.diagnosis.effects.spec import Apply, EffectSpec, ParameterSpec, Values, needs_spring, one_start
+from jointscope.diagnosis.effects.spec import (
+    Apply,
+    EffectSpec,
+    ParameterSpec,
+    Values,
+    Vector,
+    needs_spring,
+    one_start,
+)
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -100,6 +109,22 @@ def _structural_reid(assembly: Assembly, values: Values, weight: float) -> None:
     # K |Delta| sgn(v) loses 2 K A^2 per cycle, a loss factor eta loses pi eta K A^2
     assembly.P[kernel.REID] = 0.5 * math.pi * values[0]
     assembly.P[kernel.REID_OMEGA] = assembly.resonance
+
+
+INSTEAD = (0.4, 0.8)  # of the base's viscous damping, that a loss factor may stand for
+
+
+def _for_viscous(theta: Vector) -> tuple[tuple[Vector, Values], ...]:
+    """Less of c, and the loss factor c w/K that takes as much out of the joint's own resonance w."""
+    stiffness, damping, inertia = (float(theta[BASE_INDEX[n]]) for n in ("stiffness", "damping", "load_inertia"))
+    if not (stiffness > 0.0 and inertia > 0.0):
+        return ()
+    found = []
+    for share in INSTEAD:
+        base = theta.copy()
+        base[BASE_INDEX["damping"]] = (1.0 - share) * damping
+        found.append((base, (share * damping * math.sqrt(stiffness / inertia) / stiffness,)))
+    return tuple(found)
 
 
 def _drift(assembly: Assembly, values: Values, weight: float) -> None:
@@ -297,6 +322,7 @@ SPECS: tuple[EffectSpec, ...] = (
             scale=lambda problem: (0.005, 0.03, 0.1),
             starts=one_start,
             possible=needs_spring,
+            instead=_for_viscous,
         )
         for variant, law, apply in (
             ("relaxation", "K (1 + i eta) Delta by five relaxation branches", _structural_branches),
