@@ -307,9 +307,10 @@ def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
 
 def _unheard(judgement: Judgement, child: Judged, parent: Judged) -> bool:
     """Whether the child adds a mode that the hits do not show."""
+    if not modes(child.hypothesis) - set(parent.names):
+        return False
     gains = 0.5 * np.concatenate([parent.fitted - child.fitted, parent.held_out - child.held_out])
-    runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    return bool(modes(child.hypothesis) - set(parent.names)) and unheard(runs, gains)
+    return unheard((*judgement.objective.prepared, *judgement.held.prepared), gains)
 
 
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
