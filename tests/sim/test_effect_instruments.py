@@ -205,3 +205,24 @@ def test_further_modes_add_their_own_answers_to_the_hit_and_weigh_nothing(rig):
             system = ([1.0, 0.0, 0.0], [1.0, 2.0 * damping * w, w * w])
             added = added + radius * shares[place] * lsim(system, force / J_L, t)[1]
         np.testing.assert_allclose((bent[key] - bare[key])[:-40], added[:-40], atol=0.02 * np.max(np.abs(added)))
+
+
+@pytest.mark.parametrize(
+    ("effect", "variant", "parameters"),
+    [
+        ("sensor-gain", "accelerometer", {"gain": 1.2}),
+        ("sensor-resonance", "mount", {"frequency": 150.0, "damping": 0.1}),
+        ("sensor-resonance", "bandwidth", {"frequency": 150.0}),
+        ("sensor-saturation", "clip", {"level": 5.0}),
+    ],
+)
+def test_a_fault_of_one_accelerometer_leaves_another_radius_as_it_is(effect, variant, parameters):
+    """The rig's accelerometer is at 0.5 m: a law of that radius is the law, a law of another one nothing."""
+    run = hit(0.3)
+    plain = stepped(run, damping=200.0)[ACC]
+    everywhere = stepped(run, entry(effect, "acquisition", variant, **parameters), damping=200.0)[ACC]
+    here = stepped(run, entry(effect, "acquisition", f"{variant}-at-0.5", **parameters), damping=200.0)[ACC]
+    elsewhere = stepped(run, entry(effect, "acquisition", f"{variant}-at-0.9", **parameters), damping=200.0)[ACC]
+    np.testing.assert_allclose(here, everywhere, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(elsewhere, plain)
+    assert np.max(np.abs(here - plain)) > 1e-2 * np.max(np.abs(plain))
