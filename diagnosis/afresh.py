@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, relative_misfit, rewhiten
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect
-from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.refit import Fit, least_squares, with_fresh_jacobian
 from jointscope.diagnosis.screen import resized
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
 
@@ -89,7 +89,10 @@ def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec
     for spec in chosen:
         fit = _under_its_own_noise(stage, spec)
         w = objective.residual(fit.x, fit.coordinates)
-        found.append(Hypothesis((spec,), replace(fit, w=w, fresh=False), profile_loss(objective, w)))
+        here = with_fresh_jacobian(
+            objective, replace(fit, w=w, fresh=False)
+        )  # of these runs, not of those it was fitted on
+        found.append(Hypothesis((spec,), here, profile_loss(objective, w)))
     return found
 
 

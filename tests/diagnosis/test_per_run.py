@@ -148,8 +148,14 @@ def test_a_base_that_lies_between_two_groups_is_left_for_the_payload_that_parts_
         specs = per_run_specs(stage, own)
         (payload,) = (s for s in specs if s.name == "payload")
         assert payload.run_weights == weights
-        found = sorted_afresh(stage, stage.objective, (payload,))
-    (fit,) = (h.fit for h in found)
+        few = stage.objective.restricted(range(4))
+        found, fewer = (sorted_afresh(stage, objective, (payload,)) for objective in (stage.objective, few))
+    (fit,), (part,) = ([h.fit for h in hypotheses] for hypotheses in (found, fewer))
+    assert part.jacobian.shape == (
+        part.w.size,
+        part.coordinates.n,
+    )  # of the runs that are compared, not of those fitted
+    assert part.w.size < fit.w.size
     theta, (active,) = fit.coordinates.unpack(fit.x)
     assert active.values[0] == pytest.approx(size, rel=0.05)
     assert theta[place] == pytest.approx(own.base.start[place], rel=0.05)
