@@ -23,6 +23,7 @@ from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.power import Unseen, unseen
 from jointscope.diagnosis.predict import free_prediction
 from jointscope.diagnosis.remainder import Remainder, remainders
+from jointscope.diagnosis.repeats import with_what_repeats
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.seen_weight import as_seen
@@ -131,6 +132,7 @@ def diagnose(
         at_base = remainders(judgement, judgement.base) if any(r.stands for r in left) else ()
         decision = with_followed_input(decision, left, at_base)
         decision = with_changes(decision, changing)
+        decision = with_what_repeats(judgement, decision)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None

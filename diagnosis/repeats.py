@@ -1,0 +1,39 @@
+"""What does not repeat is no physics: the last word where a noisy torque log drives every run.
+
+The noise of a log passes through the model, and a law that bends it gains by what each take has of its own: a loop of
+0.014 N m gained 474 nats in three motions, 168 in a fourth, of which no part was common to takes that were driven alike.
+Where something else drives some runs, they agree or they don't; where nothing does, only what takes have in common is left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from jointscope.diagnosis.adjudicate import Judgement
+from jointscope.diagnosis.problem import PreparedRun
+from jointscope.diagnosis.verdict import Decision
+
+LIKELY = 0.7  # that nothing is missing then
+
+
+def with_what_repeats(judgement: Judgement, decision: Decision) -> Decision:
+    """``none`` in place of a name, where all that the base leaves differs from take to take of what a log drives.
+
+    What acts in runs of its own, or at another phase in each, does not repeat either: it keeps its name.
+    """
+    runs = (*judgement.objective.prepared, *judgement.held.prepared)
+    if decision.verdict != "effects" or not all(map(driven_by_noise, runs)):
+        return decision
+    own = any(spec.run_weights is not None or spec.profiled for spec in decision.chosen.hypothesis.specs)
+    told = all(math.isfinite(block.base_common) for block in decision.adequacy.blocks)
+    if own or not told or not decision.adequacy.blocks or decision.adequacy.base_left > 0.0:
+        return decision
+    return replace(
+        decision, verdict="none", chosen=judgement.base, probability=LIKELY, unknown_reason=None, candidates=()
+    )
+
+
+def driven_by_noise(run: PreparedRun) -> bool:
+    """Whether a torque log with noise in it moves the motor of a run."""
+    return run.motor_moves and run.motor is not None and run.motor.noise > 0.0
