@@ -132,12 +132,12 @@ def diagnose(
         at_base = remainders(judgement, judgement.base) if any(r.stands for r in left) else ()
         decision = with_followed_input(decision, left, at_base)
         decision = with_changes(decision, changing)
-        decision = with_what_repeats(judgement, decision)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None
     if (decision.verdict == "none" or decision.unknown_reason == "outside-catalogue") and black_box is not None:
         decision = with_unknown_force(judgement, decision, black_box)
+    decision = with_what_repeats(judgement, decision)
     whole = Diagnosis(
         problem, split, stage, screening, judgement, decision, where, black_box, remainder=left, changes=changing
     )

@@ -11,6 +11,7 @@ import math
 from dataclasses import replace
 
 from jointscope.diagnosis.adjudicate import Judgement
+from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.problem import PreparedRun
 from jointscope.diagnosis.verdict import Decision
 
@@ -20,14 +21,17 @@ LIKELY = 0.7  # that nothing is missing then
 def with_what_repeats(judgement: Judgement, decision: Decision) -> Decision:
     """``none`` in place of a name, where all that the base leaves differs from take to take of what a log drives.
 
-    What acts in runs of its own, or at another phase in each, does not repeat either: it keeps its name.
+    Accelerometers decide where there are any: an angle follows whatever moves it. What acts in runs of its own, or at another
+    phase in each, does not repeat either: it keeps its name.
     """
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
     if decision.verdict != "effects" or not all(map(driven_by_noise, runs)):
         return decision
     own = any(spec.run_weights is not None or spec.profiled for spec in decision.chosen.hypothesis.specs)
-    told = all(math.isfinite(block.base_common) for block in decision.adequacy.blocks)
-    if own or not told or not decision.adequacy.blocks or decision.adequacy.base_left > 0.0:
+    blocks = decision.adequacy.blocks
+    telling = [block for block in blocks if block.key[2] in ACCELERATIONS] or list(blocks)
+    told = telling != [] and all(math.isfinite(block.base_common) for block in telling)
+    if own or not told or decision.adequacy.base_left > 0.0:
         return decision
     return replace(
         decision, verdict="none", chosen=judgement.base, probability=LIKELY, unknown_reason=None, candidates=()

@@ -26,7 +26,9 @@ def run(noise=0.1, moves=True):
 def answer(*, left=0.0, common=1e-6, weights=None, profiled=0):
     spec = SimpleNamespace(run_weights=weights, profiled=profiled)
     chosen = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,)))
-    blocks = (SimpleNamespace(base_common=common),)
+    key = ("speed-motion", False, "linear-acceleration", "arm")
+    angle = SimpleNamespace(key=(*key[:2], "angle", "arm"), base_common=math.nan)
+    blocks = (SimpleNamespace(key=key, base_common=common), angle)
     return Answer("effects", chosen, SimpleNamespace(blocks=blocks, base_left=left))
 
 
