@@ -88,11 +88,8 @@ def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec
     found = []
     for spec in chosen:
         fit = _under_its_own_noise(stage, spec)
-        w = objective.residual(fit.x, fit.coordinates)
-        here = with_fresh_jacobian(
-            objective, replace(fit, w=w, fresh=False)
-        )  # of these runs, not of those it was fitted on
-        found.append(Hypothesis((spec,), here, profile_loss(objective, w)))
+        here = with_fresh_jacobian(objective, replace(fit, fresh=False))  # of these runs, not of those fitted
+        found.append(Hypothesis((spec,), here, profile_loss(objective, here.w)))
     return found
 
 

@@ -118,7 +118,6 @@ def _nearby(run: PreparedRun, device: int, centre: float, problem: Problem, thet
 
 
 def _best(run: PreparedRun, device: int, width: float, problem: Problem, theta: Vector) -> PreparedRun:
-    grid = np.arange(-width, width + _STEP, _STEP) - run.offsets.get(device, 0.0)
-    grid = np.minimum(grid, width - run.offsets.get(device, 0.0))
+    grid = np.minimum(np.arange(-width, width + _STEP, _STEP), width) - run.offsets.get(device, 0.0)
     costs = [_cost(run, device, float(offset), problem, theta) for offset in grid]
     return moved(run, device, _nearby(run, device, float(grid[int(np.argmin(costs))]), problem, theta))

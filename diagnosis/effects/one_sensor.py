@@ -37,7 +37,10 @@ def named(name: str, variant: str) -> EffectSpec | None:
     """The law of that name as ``model.json`` holds it; ``None`` where it is none of one accelerometer."""
     law, at, radius = variant.partition(AT)
     found = next((spec for spec in _LAWS if at and (spec.name, spec.variant) == (name, law)), None)
-    return None if found is None else _at(found, float(radius))
+    try:
+        return None if found is None else _at(found, float(radius))
+    except ValueError:  # no number: no law of this version
+        return None
 
 
 _LAWS = tuple(spec for spec in sensors.SPECS if spec.variant in sensors.PUT)

@@ -5,6 +5,7 @@ delay > 0: the device that is not the DAQ stamps late; ppm > 0: its clock runs f
 
 from __future__ import annotations
 
+from jointscope.errors import RefusedError
 from jointscope.models.effects.building import Building, Parameters
 
 
@@ -23,7 +24,12 @@ def clock_drift(building: Building, location: str, variant: str, p: Parameters) 
 def _place(variant: str) -> dict[str, float]:
     """The radius [m] of the only accelerometer that a law is of, ``mount-at-0.92``; nothing where it is of all."""
     _, at, radius = variant.partition("-at-")
-    return {"radius": float(radius)} if at else {}
+    try:
+        return {"radius": float(radius)} if at else {}
+    except ValueError:
+        raise RefusedError(
+            f"model.json: variant {variant!r} names no radius [m] after '-at-'; diagnose the campaign again"
+        ) from None
 
 
 def tilt(building: Building, location: str, variant: str, p: Parameters) -> str:

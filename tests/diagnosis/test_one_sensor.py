@@ -75,6 +75,9 @@ def test_places_are_told_by_where_they_are(two):
     assert len(one_sensor_laws(two)) == 2 * len(VALUES)
     found = named("sensor-resonance", f"mount-at-{FAR:g}")
     assert found is not None and found.variant == f"mount-at-{FAR:g}"
+    assert (
+        named("sensor-resonance", "mount-at-the-tip") is None
+    )  # a damaged model file is refused as of no version
     assert named("sensor-resonance", "mount") is None and named("gravity", f"mount-at-{FAR:g}") is None
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
+from jointscope.errors import RefusedError
 from jointscope.models.effects import augment
 from jointscope.recordings.campaign import Campaign
 from jointscope.sim.effects import physics_of
@@ -226,3 +227,8 @@ def test_a_fault_of_one_accelerometer_leaves_another_radius_as_it_is(effect, var
     np.testing.assert_allclose(here, everywhere, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(elsewhere, plain)
     assert np.max(np.abs(here - plain)) > 1e-2 * np.max(np.abs(plain))
+
+
+def test_a_place_that_is_no_radius_is_refused_in_one_line():
+    with pytest.raises(RefusedError, match=r"variant 'clip-at-tip' names no radius \[m\]"):
+        stepped(hit(0.1), entry("sensor-saturation", "acquisition", "clip-at-tip", level=5.0))
