@@ -147,6 +147,7 @@ class Assembly:
         problem: The campaign that the run belongs to.
         chain: The acquisition.
         bends: Further modes by superposition.
+        elbow: Radius beyond which the bending arm's sensors follow its mode, by 1 - elbow/r [m].
     """
 
     P: Vector
@@ -156,6 +157,7 @@ class Assembly:
     problem: Problem
     chain: Chain = field(default_factory=Chain)
     bends: Bends = Bends()
+    elbow: float = 0.0
 
     def base(self, name: str) -> float:
         """One base parameter."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis.effects import (
     bends,
     drive,
+    elbow,
     friction,
     load,
     loaded,
@@ -62,6 +63,7 @@ REGISTRY: tuple[EffectSpec, ...] = (
     *drive.SPECS,
     *load.SPECS,
     *modes.SPECS,
+    elbow.ELBOW,
     *postures.SPECS,
     *vibration.SPECS,
     *recorder.SPECS,

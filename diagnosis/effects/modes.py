@@ -81,11 +81,11 @@ def carried(assembly: Assembly, values: Values, turn: float, slide: float) -> No
         values[2],
     )
     P[kernel.BASE_TURN], P[kernel.BASE_SLIDE] = turn, slide
-    P[kernel.BASE_HIT] = turn + slide / _hammer_radius(assembly.run) - 1.0
+    P[kernel.BASE_HIT] = turn + slide / hammer_radius(assembly.run) - 1.0
     _two_states(assembly, kernel.AT_BASE)
 
 
-def _hammer_radius(run: PreparedRun) -> float:
+def hammer_radius(run: PreparedRun) -> float:
     """Where a force acts on the arm [m]; infinite for a torque."""
     forces = run.run.select("force", location="arm", role="input")
     return forces[0].channel.radius or math.inf if forces else math.inf

@@ -207,7 +207,9 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
     radius = channel.radius or 1.0
     if kind == "link-sensor" and channel.direction == "tangential":
         scale = radius if channel.quantity == "linear-acceleration" else 1.0
-        return np.asarray(values + float(law["shape"]) * scale * trace.signals["link acceleration"])
+        elbow = float(law.get("elbow", 0.0))
+        follows = float(law["shape"]) * (max(0.0, 1.0 - elbow / radius) if elbow else 1.0)
+        return np.asarray(values + follows * scale * trace.signals["link acceleration"])
     if kind == "mount-sensor" and channel.direction == "tangential":
         linear = channel.quantity == "linear-acceleration"
         lever = (float(law["turn"]) - 1.0) * (radius if linear else 1.0) + (float(law["slide"]) if linear else 0.0)

@@ -94,6 +94,8 @@ CATALOGUE = [
     ("link-flexibility", "load", "one-shape", {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "shape": 1.5}, "inertia", 0.0),
     ("link-flexibility", "load", "two-shapes",
      {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "hit_shape": 1.5, "sensor_shape": -0.5}, "inertia", 0.0),
+    ("link-flexibility", "load", "elbow",
+     {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "shape": 5.0, "elbow_radius": 0.3}, "inertia", 0.0),
     ("link-flexibility", "load", "2-bends-2-places",
      {"frequency": 90.0, "damping": 0.02, "share_of_1": 0.5, "share_of_2": -0.3, "frequency_2": 140.0, "damping_2": 0.01,
       "share_2_of_1": 0.2, "share_2_of_2": 0.4, "shape_2": 0.8}, "share_of_1", 0.0),
