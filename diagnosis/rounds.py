@@ -215,11 +215,22 @@ def _uncoupled(arena: Arena) -> Arena:
     return replace(arena, hypotheses=tuple(in_own_terms(arena.objective, arena.hypotheses)))
 
 
-def _with_strangers(arena: Arena, outside: Sequence[EffectSpec], effort: Effort) -> tuple[Hypothesis, ...]:
-    """All hypotheses, and what physics outside the contract's table does in place of the leading one."""
+def _with_strangers(
+    first: Arena, arena: Arena, outside: Sequence[EffectSpec], effort: Effort
+) -> tuple[Hypothesis, ...]:
+    """All hypotheses, and what physics outside the contract's table does in place of the leading one.
+
+    Under the noise that the leader leaves the base is so far off that its hits' gains seem free, and a law fitted from it
+    runs away with the inertia; so each is also fitted under the noise that the search began with.
+    """
     if not arena.hypotheses or not outside:
         return arena.hypotheses
-    found = strangers(arena.objective, arena.base.fit, arena.hypotheses[0], outside, effort)
+    leader = arena.hypotheses[0]
+    early = strangers(first.objective, first.base.fit, leader, outside, effort)
+    found = [
+        *strangers(arena.objective, arena.base.fit, leader, outside, effort),
+        *(_seen(arena.objective, h) for h in early),
+    ]
     return settled(arena, found, effort).hypotheses if found else arena.hypotheses
 
 
@@ -260,7 +271,7 @@ def explore(
     if softer:
         arena = settled(arena, softer, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, _with_strangers(_uncoupled(arena), outside, effort)
+        return screening, _with_strangers(first, _uncoupled(arena), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     if _may_play(arena):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
@@ -299,4 +310,4 @@ def explore(
                 break
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
-    return screening, _with_strangers(_uncoupled(arena), outside, effort)
+    return screening, _with_strangers(first, _uncoupled(arena), outside, effort)
