@@ -24,6 +24,7 @@ _LINES = 160  # per response
 _CANDIDATES = 7
 _CONTRADICTION = 0.4  # mean cosine of the phase error below minus which a channel counts as inverted
 _ACTIVE = 0.15  # share of negative mobility above which a channel counts as inverted
+WORKED = 0.15  # share of net work from which on a channel can't be inverted
 _SURE = 6.0  # averages a coherence must be made of before it counts in full
 
 
@@ -205,6 +206,28 @@ def passive_polarities(measured: tuple[Response, ...]) -> dict[tuple[object, ...
         share = float(np.sum(np.real(mobility)) / (np.sum(np.abs(mobility)) + 1e-300))
         found[response.key] = found.get(response.key, 0.0) + share
     return {key: -1.0 if share < -_ACTIVE else 1.0 for key, share in found.items()}
+
+
+def work_done(runs: tuple[PreparedRun, ...], key: tuple[object, ...]) -> float:
+    """Share of a drive's work that it does on the body of this kind of channel, net over gross; 0 where none tells.
+
+    Friction may hold a body for most of a run, so that its phase is a spring's and not an inertia's; but what the drive
+    puts in from rest to rest is dissipated, so along the channel's own direction it is positive.
+    """
+    net = gross = 0.0
+    for run in runs:
+        for output in run.outputs:
+            if channel_key(run, output) != key or output.quantity not in ("angle", "position"):
+                continue
+            if _by_motor(run) and run.spring and output.location != "motor":
+                continue  # what moves there is not what is driven
+            drive = run.motor_half if _by_motor(run) else run.load_half
+            half = run.t0 + np.arange(drive.size) / (2.0 * run.grid_rate)
+            force = np.interp(output.times, half, drive)
+            done = force[:-1] * np.diff(np.where(output.mask, output.data, 0.0) / _to_joint(run, output))
+            done = done[output.mask[:-1] & output.mask[1:]]
+            net, gross = net + float(np.sum(done)), gross + float(np.sum(np.abs(done)))
+    return net / gross if gross > 0.0 else 0.0
 
 
 def followers_polarities(runs: tuple[PreparedRun, ...]) -> dict[tuple[object, ...], float]:

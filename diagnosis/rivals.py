@@ -31,6 +31,7 @@ from jointscope.diagnosis.search import (
     names_of,
     profile_loss,
 )
+from jointscope.diagnosis.twins import on_the_other_side
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
@@ -264,6 +265,9 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
     known |= _bristles_and_loop(known)
     found: dict[tuple[object, ...], ActiveEffect] = {}
     for trial in trials:
+        moved = on_the_other_side(leader, trial.spec)
+        if moved is not None:
+            found.setdefault((id(trial.spec), "moved"), ActiveEffect(trial.spec, moved))
         keys = [(p.name, p.unit) for p in trial.spec.parameters]
         if any(key in known for key in keys):
             values = tuple(known.get(key, value) for key, value in zip(keys, trial.values, strict=True))

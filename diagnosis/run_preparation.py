@@ -22,6 +22,7 @@ from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Sign
 Vector = NDArray[np.float64]
 
 GRID_HITS, GRID_OTHERS = 3000.0, 2000.0  # Hz; the simulation grid is at least this fine
+GRID_ANGLES = 1000.0  # the same of a run seen by slow encoders alone: what shakes fast hardly moves an angle
 DRIFT_CORNER = 2.0  # Hz; accelerations of a run that only a torque log drives are compared above it
 SETTLING = 0.5  # s left out at the start of a run whose initial state is unknown
 COARSE = (
@@ -342,8 +343,10 @@ def _grid(
     """Start [s], rate [Hz] and number of steps of the simulation grid: whole fractions of the fastest output's."""
     fastest = max(outputs, key=lambda o: o.rate)
     rate = fastest.rate
-    least = GRID_HITS if experiment == "hammer" else GRID_OTHERS
-    grid_rate = rate * max(2, int(np.ceil(least / rate)))
+    shaken = any("acceleration" in o.quantity for o in (*outputs, *declared))
+    least = GRID_HITS if experiment == "hammer" else GRID_OTHERS if shaken else GRID_ANGLES
+    finer = 2 if shaken or rate < GRID_OTHERS else 1
+    grid_rate = rate * max(finer, int(np.ceil(least / rate)))
     begin = min(s.stream.start for s in recorded)
     lead = max(0, int(np.ceil((fastest.times[0] - begin) * rate - 1e-9)))
     t0 = float(fastest.times[0]) - lead / rate

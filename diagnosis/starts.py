@@ -20,12 +20,14 @@ from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, kno
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.problem import Problem
 from jointscope.diagnosis.responses import (
+    WORKED,
     channel_key,
     fitted,
     followers_polarities,
     passive_polarities,
     polarities,
     responses,
+    work_done,
 )
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
@@ -72,7 +74,8 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
     """Start values from whichever candidate comes nearest; ``exact`` says that uncertain clocks are aligned already."""
     base = base_spec(rig, runs)
     runs, followers = _righted(runs, followers_polarities(runs))
-    runs, findings = _righted(runs, passive_polarities(responses(runs, exact=exact)))
+    passive = passive_polarities(responses(runs, exact=exact))
+    runs, findings = _righted(runs, {key: sign for key, sign in passive.items() if not _worked(rig, runs, key)})
     findings = (*followers, *findings)
     measured = responses(runs, exact=exact)
     problem = Problem(
@@ -85,7 +88,7 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
     )
     problem = _nearest(problem, measured)
     for key, sign in polarities(problem.base.start, measured).items():
-        if sign > 0.0:
+        if sign > 0.0 or _worked(rig, problem.runs, key):
             continue
         turned, found = _righted(problem.runs, {key: sign})
         other = replace(problem, runs=turned, base=base, findings=(*problem.findings, *found))
@@ -93,6 +96,11 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
         if _misfit(other, other.base.start) < _misfit(problem, problem.base.start):
             problem = other
     return problem
+
+
+def _worked(rig: Nameplate, runs: tuple[PreparedRun, ...], key: tuple[object, ...]) -> bool:
+    """Whether the drive does work along this kind of channel; against a weight it may have to hold back."""
+    return rig.plane != "vertical" and work_done(runs, key) > WORKED
 
 
 def _nearest(problem: Problem, measured: tuple[Response, ...]) -> Problem:

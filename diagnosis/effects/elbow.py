@@ -41,7 +41,10 @@ def _radii(problem: Problem) -> tuple[set[float], set[float]]:
     seen = {
         round(o.radius, 3)
         for o in outputs
-        if o.quantity == "linear-acceleration" and o.location != "motor" and o.direction == "tangential" and o.radius
+        if o.quantity == "linear-acceleration"
+        and o.location != "motor"
+        and o.direction == "tangential"
+        and o.radius
     }
     hit = {round(r, 3) for r in map(hammer_radius, problem.runs) if math.isfinite(r)}
     return seen, hit

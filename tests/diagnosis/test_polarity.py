@@ -13,6 +13,7 @@ from jointscope.diagnosis.errors import channel_errors, without_drift
 from jointscope.diagnosis.no_worse import borne
 from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.responses import channel_key, work_done
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.split import split_runs
 from jointscope.recordings.campaign import Nameplate, Run, Stream
@@ -153,3 +154,17 @@ def test_a_hypothesis_that_diverges_elsewhere_is_not_judged(problem, pool):
     hypothesis = Hypothesis((), dataclasses.replace(stage.fit, x=wild, fresh=False), -1e9)
     found = judge(stage, [hypothesis], split_runs(problem).held_out)
     assert len(found.judged) == 1
+
+
+def test_what_a_drive_does_work_on_is_not_upside_down(builders, turned):
+    """A body that friction holds follows its force like a spring, whose phase is not an inertia's: its work tells."""
+    t, lag = np.arange(0.0, 8.0, 1e-3), 0.4
+    force, position = 3.0 * np.sin(np.pi * t), 1e-4 * np.sin(np.pi * t - lag)
+    runs = [taken(builders, f"take {k}", t, k * force, k * position, "estimate") for k in (1, 2)]
+    held = builders.campaign_of(runs, CARRIAGE)
+    problem = prepare(held)
+    assert not any("polarity" in line for line in problem.findings)
+    key = channel_key(problem.runs[0], problem.runs[0].outputs[0])
+    net, gross = np.pi * np.sin(lag), 2.0 * np.cos(lag) + 2.0 * lag * np.sin(lag)  # over a period
+    assert work_done(problem.runs, key) == pytest.approx(net / gross, rel=0.1)  # the start is not compared
+    assert work_done(prepare(turned(held, "load")).runs, key) == pytest.approx(net / gross, rel=0.1)

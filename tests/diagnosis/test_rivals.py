@@ -21,7 +21,15 @@ from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.rivals import _elsewhere, _freer, contained, same_numbers
 from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
-from jointscope.diagnosis.twins import BETWEEN, MOST, foreknown, told_by_frequency, twins
+from jointscope.diagnosis.twins import (
+    BETWEEN,
+    MOST,
+    SLOWEST,
+    foreknown,
+    on_the_other_side,
+    told_by_frequency,
+    twins,
+)
 
 
 def law(problem, name, variant, location=None):
@@ -306,3 +314,32 @@ def test_a_lag_of_another_order_is_tried_where_the_first_one_was_found(problem):
     trial = ActiveEffect(first, (5e-4,))
     ((found,),) = _freer([trial], ActiveEffect(second, (2.3e-3,)), 100.0)
     assert found.spec is first and found.values == (2.3e-3,)
+
+
+def test_what_turns_below_the_joint_is_to_an_encoder_what_turns_beyond_it(problem):
+    """J_L q''/T_S of a mount with share s at w is that of an absorber with s/(1 + s) at w/sqrt(1 + s): by the formulas."""
+    mount = ActiveEffect(law(problem, "base-compliance", "turning-mount"), (31.0, 0.4, 0.02))
+    beyond = law(problem, "neighbour-flexibility", "absorber")
+    values = on_the_other_side(mount, beyond)
+    p = 2j * np.pi * np.linspace(1.0, 90.0, 50)
+
+    def below(frequency, share, damping):
+        w = 2.0 * np.pi * frequency
+        return 1.0 + share * p**2 / (p**2 + 2.0 * damping * w * p + w**2)
+
+    def above(frequency, share, damping):
+        w = 2.0 * np.pi * frequency
+        own = p**2 + 2.0 * damping * w * p + w**2
+        return own / (own - share * p**2)
+
+    np.testing.assert_allclose(below(*mount.values), above(*values), rtol=1e-12)
+    back = on_the_other_side(ActiveEffect(beyond, values), mount.spec)
+    np.testing.assert_allclose(back, mount.values, rtol=1e-12)
+    assert on_the_other_side(mount, law(problem, "link-flexibility", "inboard")) is None
+    assert any(a.values == values for a in same_numbers([ActiveEffect(beyond, (20.0, 0.1, 0.02))], mount))
+
+
+def test_of_modes_slower_than_any_robots_nothing_is_known(problem):
+    near = law(problem, "neighbour-flexibility", "absorber")
+    assert foreknown((ActiveEffect(near, (0.9 * SLOWEST, 0.1, 0.02)),)) == 0.0
+    assert foreknown((ActiveEffect(near, (1.1 * SLOWEST, 0.1, 0.02)),)) > 0.0
