@@ -63,15 +63,17 @@ def _movable(x: Vector, gradient: Vector, where: Coordinates) -> NDArray[np.intp
 
 
 def _step(normal: Matrix, gradient: Vector, damping: float) -> Vector:
-    """-(A + damping diag A)^-1 g, scaled so that a column of any unit counts alike."""
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = normal / np.outer(size, size)
+    """-(A + damping diag A)^-1 g, scaled so that a column of any unit counts alike.
+
+    Along a column of nothing, or of more than a number holds (a law that flies apart there), there is no step.
+    """
+    own = np.diag(normal)
+    dead = ~((own > 1e-200) & (own < 1e200) & np.isfinite(gradient))
+    size = np.sqrt(np.where(dead, 1.0, own))
+    scaled = np.where(dead[:, None] | dead, 0.0, normal) / np.outer(size, size)
     scaled[np.diag_indices_from(scaled)] += damping + 1e-10
-    dead = np.diag(normal) <= 1e-200
-    scaled[dead, :] = 0.0
-    scaled[:, dead] = 0.0
     scaled[dead, dead] = 1.0
-    solution: Vector = -cho_solve(cho_factor(scaled), np.where(dead, 0.0, gradient / size)) / size
+    solution: Vector = -cho_solve(cho_factor(scaled), np.where(dead, 0.0, gradient) / size) / size
     return solution
 
 
@@ -85,7 +87,8 @@ def _share(normal: Matrix, gradient: Vector, w: Vector, x: Vector, where: Coordi
     if movable.size == 0 or not np.any(w):
         return 0.0
     step = _step(normal[np.ix_(movable, movable)], gradient[movable], 0.0)
-    return math.sqrt(max(-float(gradient[movable] @ step), 0.0)) / float(np.linalg.norm(w))
+    along = np.where(step != 0.0, gradient[movable], 0.0)  # where there is no step a gradient may be no number
+    return math.sqrt(max(-float(along @ step), 0.0)) / float(np.linalg.norm(w))
 
 
 @dataclass(eq=False)
@@ -128,7 +131,7 @@ class _Search:
             moved = moved.copy()
             moved[: self.where.n_base] *= not self.base_fresh
             moved[self.where.n_base :] *= not self.effects_fresh
-        if not np.any(moved):
+        if float(moved @ moved) < 1e-200:  # of such a step nothing is learnt
             return
         transposed = np.ascontiguousarray(self.jacobian).T
         self.jacobian = dger(1.0 / float(moved @ moved), moved, missed, a=transposed, overwrite_a=1).T

@@ -257,7 +257,7 @@ def explore(
     screening = screen_on(first.objective, first.base.fit, candidates, effort)
     report("fitting single effects")
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
-    singles.extend(fit_instead(first.objective, first.base.fit, screening, singles, effort))
+    singles.extend(fit_instead(first.objective, first.base.fit, (), screening, singles, effort))
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
@@ -295,8 +295,11 @@ def explore(
         contained(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, _losses(arena), effort)
     )
     report("fitting pairs")
-    for parent in _parents(arena, effort.beam):
-        pairs.extend(extensions(arena.objective, arena.base.fit, parent, laws, screening, effort))
+    for k, parent in enumerate(_parents(arena, effort.beam)):
+        beside = extensions(arena.objective, arena.base.fit, parent, laws, screening, effort)
+        if k == 0:
+            beside.extend(fit_instead(arena.objective, parent.fit, parent.specs, screening, beside, effort))
+        pairs.extend(beside)
         if bends:
             pairs.extend(bends_beside(arena.objective, parent, effort))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))

@@ -289,12 +289,24 @@ def fit_singles(objective: Objective, base: Fit, screening: Screening, effort: E
 
 
 def fit_instead(
-    objective: Objective, base: Fit, screening: Screening, known: Sequence[Hypothesis], effort: Effort
+    objective: Objective,
+    parent: Fit,
+    specs: tuple[EffectSpec, ...],
+    screening: Screening,
+    known: Sequence[Hypothesis],
+    effort: Effort,
 ) -> list[Hypothesis]:
-    """Fit what stands for a part of the base, wherever a test to first order, at a base that is full of it, put it."""
+    """Fit what stands for a part of the base, wherever a test to first order, at a base that is full of it, put it.
+
+    Args:
+        parent: The base's fit, or one with effects that obey ``specs``.
+        known: Fits with whose laws this need not be tried again.
+    """
     fitted = {id(spec) for h in known for spec in h.specs}
+    names = names_of(specs)
     trials = [t for t in screening.trials if t.spec.instead is not None and id(t.spec) not in fitted]
-    return fit_leading(objective, base, (), best_per_spec(trials), effort)
+    trials = [t for t in trials if name_of(t.spec) not in names]
+    return fit_leading(objective, parent, specs, best_per_spec(trials), effort)
 
 
 def fit_leading(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.coordinates import Coordinates
-from jointscope.diagnosis.refit import covariance, least_squares, tangent_share
+from jointscope.diagnosis.refit import _step, covariance, least_squares, tangent_share
 
 
 def plain(n, lower=-np.inf, upper=np.inf):
@@ -76,3 +76,20 @@ def test_the_cost_never_rises(seed):
     start = rng.uniform(-2, 2, 2)
     fit = least_squares(objective(rough), plain(2), start, jacobian=rng.standard_normal((3, 2)), iterations=10)
     assert fit.chi2 <= np.sum(rough(start) ** 2) + 1e-12
+
+
+def test_along_a_column_that_no_number_holds_there_is_no_step():
+    """Nothing, too much, and what is no number: the other coordinates step as if these were not there."""
+    J = np.random.default_rng(1).standard_normal((30, 4))
+    w = np.random.default_rng(2).standard_normal(30)
+    plain = _step(J.T @ J, J.T @ w, 0.0)
+    for column in (0.0, 1e150, np.nan):
+        normal, gradient = np.zeros((5, 5)), np.zeros(5)
+        normal[:4, :4], gradient[:4] = J.T @ J, J.T @ w
+        with np.errstate(over="ignore"):
+            normal[4, 4], gradient[4] = column * column, column
+        normal[4, :4] = normal[:4, 4] = column
+        step = _step(normal, gradient, 0.0)
+        assert step[4] == 0.0
+        np.testing.assert_allclose(step[:4], plain, rtol=1e-9)
+    np.testing.assert_allclose(plain, -np.linalg.lstsq(J, w, rcond=None)[0], rtol=1e-6)
