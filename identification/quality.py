@@ -8,19 +8,23 @@ Nothing is corrected.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 from jointscope.identification.quality_clocks import clock_findings
 from jointscope.identification.quality_coherence import coherence_findings
-from jointscope.identification.quality_factors import Build
+from jointscope.identification.quality_factors import OFF_BY, Build
 from jointscope.identification.quality_gravity import gravity_findings, static_relations
 from jointscope.identification.quality_relation import Relation
-from jointscope.identification.quality_relations import run_relations
+from jointscope.identification.quality_relations import across, run_relations
 from jointscope.identification.quality_wiring import Outcome, first_look, second_look, settled
 from jointscope.recordings.campaign import Campaign, Run
 from jointscope.recordings.finding import Finding
 from jointscope.recordings.quality import recorded_findings
-from jointscope.recordings.quality_units import arm_angle_findings
+from jointscope.recordings.quality_units import SPINS, arm_angle_findings
+
+_ALIKE = 1.35  # between the largest and the smallest factor by which a channel is off in its runs
+_AGREED = 0.75  # of the runs in which a channel's scale looks wrong
 
 
 def findings(campaign: Campaign) -> list[Finding]:
@@ -30,9 +34,40 @@ def findings(campaign: Campaign) -> list[Finding]:
     """
     found = recorded_findings(campaign)
     if campaign.rig.topology != "arm":
-        found += _of_runs(campaign, found)
+        found = _vouched(found, campaign)
+        found += _agreed(_of_runs(campaign, found))
         found += coherence_findings(campaign)
     return _without_repeats(found, campaign)
+
+
+def _vouched(found: list[Finding], campaign: Campaign) -> list[Finding]:
+    """Without turns of an arm that its motor makes too: a shaft may spin, where an arm may not."""
+    spun = {f.run for f in found if f.finding == "suspicious-unit" and SPINS in f.detail}
+    vouched = {
+        (run.id, party.signal.channel.column)
+        for run in campaign.runs
+        if run.id in spun
+        for relation in across(run, campaign.rig)
+        if relation.holds()
+        for party in relation.parties
+    }
+    return [f for f in found if SPINS not in f.detail or (f.run, f.channel) not in vouched]
+
+
+def _agreed(found: list[Finding]) -> list[Finding]:
+    """Without scales that every run would have otherwise: a wrong unit is the same one in all runs, by the same factor."""
+    said: dict[str, Counter[str | None]] = {}
+    factors: dict[str, list[float]] = {}
+    for finding in found:
+        if finding.finding == "suspicious-unit":
+            said.setdefault(finding.channel, Counter())[finding.toml] += 1
+            if finding.detail.startswith(OFF_BY):
+                factors.setdefault(finding.channel, []).append(
+                    float(finding.detail.removeprefix(OFF_BY).split()[0])
+                )
+    unlike = {c for c, n in said.items() if n.total() > 2 and n.most_common(1)[0][1] < _AGREED * n.total()}
+    unlike |= {c for c, sizes in factors.items() if len(sizes) > 1 and max(sizes) > _ALIKE * min(sizes)}
+    return [f for f in found if f.finding != "suspicious-unit" or f.channel not in unlike]
 
 
 def _of_runs(campaign: Campaign, known: list[Finding]) -> list[Finding]:

@@ -22,6 +22,18 @@ GENERAL: Final = {
     "sqrt 2": math.sqrt(2.0), "3/2": 1.5, "9.80665": STANDARD_GRAVITY, "4.448": POUND_FORCE, "2 pi": _TURN,
     "60/2 pi": 1.0 / _RPM, "180/pi": 1.0 / _DEGREE,
 }  # fmt: skip
+_DRIVES = ("torque", "current", "phase-current", "voltage", "force")
+_TURNED = ("angle", "angular-velocity", "speed-command", "angular-acceleration")
+# which quantities a general factor can be a mistake of: no unit of acceleration is a pound or a turn
+_MISTAKEN: Final[dict[str, tuple[str, ...]]] = {
+    "sqrt 2": _DRIVES[:4],
+    "3/2": _DRIVES[:4],
+    "9.80665": (*_DRIVES, "linear-acceleration", "acceleration"),
+    "4.448": _DRIVES,
+    "2 pi": (*_TURNED, "torque", "current"),
+    "60/2 pi": (*_TURNED, "torque", "current"),
+    "180/pi": (*_TURNED, "torque", "current"),
+}
 # what each quantity is mistaken for most: factors SI = factor * declared, in SI of the declared unit
 _NATURAL: Final[dict[str, tuple[float, ...]]] = {
     "angle": (_DEGREE, _TURN),
@@ -35,6 +47,8 @@ _NATURAL: Final[dict[str, tuple[float, ...]]] = {
     "current": (math.sqrt(2.0), 1.5),
 }
 Build = Callable[[Run], list[Relation]]
+OFF_BY = "off by a factor of"
+_NEAR = 1.7  # of 1, within which a gain must come that a factor explains
 _TRIED = 8  # likeliest corrections that are worked through in full
 _OFF_THE_LIST = 15.0  # a scale wrong by more than this is reported though no factor of the list explains it
 
@@ -126,7 +140,7 @@ def _best(
     before, likely = badness(relations), []
     for correction in _candidates(failing, relations, rig):
         after = badness(relations, correction)
-        if after < before and any(r.holds(_corrected(r, correction)) for r in failing):
+        if after < before and any(_explains(r, correction) for r in failing):
             distance = round(_distance(relations, correction), 1)
             likely.append((after, correction.rank, distance, _seat(correction.signals[0]), correction))
     likely.sort(key=lambda entry: entry[:4])
@@ -138,6 +152,14 @@ def _best(
         if after <= before - 0.5:
             ranked.append((after, rank, distance, seat, correction))
     return min(ranked, key=lambda entry: entry[:4])[4] if ranked else None
+
+
+def _explains(relation: Relation, correction: Correction) -> bool:
+    """Whether a relation holds once corrected, and its gain is then near 1: a window may be wide for a nameplate's sake."""
+    gain = _corrected(relation, correction)
+    return relation.holds(gain) and (
+        not math.isfinite(relation.high) or abs(math.log(abs(gain))) < math.log(_NEAR)
+    )
 
 
 def _distance(relations: Sequence[Relation], correction: Correction) -> float:
@@ -201,6 +223,8 @@ def _factors(channel: Channel, rig: Nameplate) -> Iterator[tuple[float, float, s
                 f"{'1/' if exponent < 0 else ''}n{'^2' if power == 2 else ''}",
             )
     for name, size in GENERAL.items():
+        if channel.quantity not in _MISTAKEN[name]:
+            continue
         yield size, 2.0, name
         yield 1.0 / size, 2.0, f"1/({name})"
 
@@ -222,7 +246,7 @@ def _finding(run: Run, signal: Signal, correction: Correction, why: Relation, ri
         return Finding("inverted-polarity", run.id, channel.column, detail, line)
     size = abs(why.gain)
     size = size if size >= 1.0 else 1.0 / size
-    detail = f"off by a factor of {size:.4g} ({why.says}); times {correction.name} all agree"
+    detail = f"{OFF_BY} {size:.4g} ({why.says}); times {correction.name} all agree"
     return Finding("suspicious-unit", run.id, channel.column, detail, line)
 
 

@@ -33,6 +33,14 @@ from jointscope.recordings.campaign import Nameplate, Run, Signal
 from jointscope.recordings.motor_torque import motor_torque
 
 Real = NDArray[np.float64]
+_WORKED = 0.15  # net over gross work of a drive, from which on what it drives moves its way
+
+
+def across(run: Run, rig: Nameplate) -> Iterator[Relation]:
+    """What motor and arm owe each other at low frequency; nothing where the motor is braked or nothing moves slowly."""
+    band = None if run.brake else rigid_band(run)
+    if band is not None:
+        yield from _across(run, rig, band)
 
 
 def run_relations(run: Run, rig: Nameplate) -> Iterator[Relation]:
@@ -214,4 +222,8 @@ def _apparent_inertia(
     independent = max(8.0, 2.0 * band * y.size / grid.rate)  # a band-limited record has no more values than these
     noise = float(np.var(y - A / scale @ solution)) * y.size / max(independent - rank, 1.0)
     error = math.sqrt(noise * np.linalg.inv((A / scale).T @ (A / scale))[0, 0])
+    if solution[0] < 0.0 and rig.plane != "vertical":
+        power = trimmed(torque * speed, grid, band)
+        if float(np.sum(power)) > _WORKED * float(np.sum(np.abs(power))):
+            return None  # the drive works on it: friction holds it, and what looks like an inertia is a bristle's spring
     return float(solution[0] / scale[0]) if abs(solution[0]) > 6.0 * error else None

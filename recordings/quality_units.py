@@ -21,6 +21,7 @@ _SPELLINGS: Final = {
     "degrees": "deg", "°": "deg", "arcmin": "arcmin", "arcsec": "arcsec", "rpm": "rpm", "1/min": "rpm",
     "rad/s": "rad/s", "rad/s^2": "rad/s^2", "m": "m", "m/s": "m/s", "%": "%", "counts": "counts",
 }  # fmt: skip
+SPINS = "the arm would turn"
 _TURNS = 2.0  # of an arm, beyond which an angle is hardly one of radians
 
 
@@ -44,7 +45,7 @@ def label_findings(run: Run, signal: Signal) -> Iterator[Finding]:
     if channel.quantity == "angle" and channel.location == "arm" and channel.unit == "rad":
         span = float(np.nanmax(signal.samples) - np.nanmin(signal.samples))
         if span > _TURNS * 2.0 * math.pi:
-            detail = f"the arm would turn {span / (2.0 * math.pi):.0f} times; in degrees it turns by {span:.0f}"
+            detail = f"{SPINS} {span / (2.0 * math.pi):.0f} times; in degrees it turns by {span:.0f}"
             yield Finding("suspicious-unit", run.id, channel.column, detail, channel_line(channel, unit="deg"))
 
 

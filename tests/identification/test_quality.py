@@ -309,3 +309,75 @@ def test_names_and_order_change_nothing(bench):
         ),
     )  # fmt: skip
     assert {(f.finding, f.channel[::-1]) for f in findings(renamed)} == named(broken)
+
+
+def spinning(turns, arm_scale=1.0):
+    """A plant of disks that its motor turns ``turns`` times, an encoder on either side of the shaft."""
+    rate = 500.0
+    t = np.arange(round(8.0 * rate)) / rate
+    q = 2.0 * math.pi * turns * 0.5 * (1.0 - np.cos(2.0 * math.pi * t / 8.0))
+    acceleration = np.gradient(np.gradient(q, t), t)
+    J = 9.0 + 3.02
+    rig = replace(RIG, plane="horizontal", arm_mass=None, arm_com_radius=None)
+    run = Run(id="turn", experiment="speed-motion", streams=(
+        stream(rate,
+               Channel(column="torque", quantity="torque", unit="N m", location="motor", role="input",
+                       samples=(J * acceleration + 4.0 * np.gradient(q, t)) / (0.7 * 141.0)),
+               Channel(column="motor", quantity="angle", unit="rad", location="motor", role="output", samples=141.0 * q),
+               Channel(column="arm", quantity="angle", unit="rad", location="arm", role="output", samples=arm_scale * q)),
+    ))  # fmt: skip
+    return Campaign(path=Path("."), rig=rig, runs=(run,))
+
+
+def test_a_shaft_may_spin_that_its_motor_turns_as_far():
+    assert not [f for f in findings(spinning(6.0)) if f.finding == "suspicious-unit"]
+    (wrong,) = [f for f in findings(spinning(0.5, arm_scale=180.0 / math.pi)) if f.finding == "suspicious-unit"]
+    assert wrong.channel == "arm" and '"deg"' in (wrong.toml or "")
+
+
+def test_a_body_that_friction_holds_is_not_upside_down():
+    """It follows the force like a spring: as an inertia that would be negative, but the force does work on it."""
+    rate = 500.0
+    t = np.arange(round(8.0 * rate)) / rate
+    force = 3.0 * np.sin(math.pi * t) + 1.0 * np.sin(2.6 * math.pi * t)
+    held = 1e-4 * np.sin(math.pi * t - 0.4) + 3e-5 * np.sin(2.6 * math.pi * t - 0.4)
+    rig = Nameplate(topology="single-dof", motion="translational", plane="horizontal")
+
+    def campaign(sign):
+        run = Run(id="held", experiment="torque-sweep", streams=(
+            stream(rate,
+                   Channel(column="F", quantity="force", unit="N", location="load", role="input", samples=force),
+                   Channel(column="x", quantity="position", unit="m", location="load", role="output", samples=sign * held)),
+        ))  # fmt: skip
+        return Campaign(path=Path("."), rig=rig, runs=(run,))
+
+    assert not [f for f in findings(campaign(1.0)) if f.finding == "inverted-polarity"]
+
+
+@pytest.mark.parametrize("spread", [1.0, 2.5])
+def test_a_wrong_unit_is_off_by_the_same_factor_in_every_run(bench, spread):
+    """What lies beyond a bend answers a hit like a lighter arm, and each hit a little else: no unit is as fickle."""
+    scales = dict(zip(("hit-0", "hit-1", "hit-2"), (1.0, spread**0.5, spread), strict=True))
+
+    def off(run):
+        factor = STANDARD_GRAVITY * scales.get(run.id, 1.0)
+        streams = tuple(
+            replace(
+                s,
+                channels=tuple(
+                    replace(c, samples=c.samples * factor) if c.column == "a" else c for c in s.channels
+                ),
+            )
+            for s in run.streams
+        )
+        return replace(run, streams=streams)
+
+    runs = tuple(off(run) for run in bench.runs if run.experiment == "hammer")
+    rig = replace(RIG, inertia_reference=3.02)
+    said = [f for f in findings(replace(bench, rig=rig, runs=runs)) if f.finding == "suspicious-unit"]
+    assert len(said) == (3 if spread == 1.0 else 0)
+
+
+def test_no_motion_is_mistaken_by_the_square_root_of_two(bench):
+    wrong = with_channel(bench, "arm", lambda c: replace(c, samples=c.samples * math.sqrt(2.0)))
+    assert not any(f.channel == "arm" and "sqrt" in f.detail for f in findings(wrong))
