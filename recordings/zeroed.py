@@ -30,7 +30,7 @@ Sensor = tuple[str, str, str, float, float]
 
 
 def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
-    """The campaign with certain offsets subtracted, and one line for each.
+    """The campaign with certain offsets subtracted, and one line for each, and for each reading that may be one.
 
     A channel whose ac coupling was still charging keeps its samples: that is no constant.
     """
@@ -52,8 +52,16 @@ def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
         found = [levels[channel] for channel in known if channel in levels]
         if len(found) >= max(AT_LEAST, FOUND_IN * len(known)):
             levels |= _of_all_runs(known, found)
-    for upright in weighed.values():
-        levels |= _of_all_postures(upright)
+    open_lines: list[str] = []
+    for sensor, upright in weighed.items():
+        found_here = _of_all_postures(upright)
+        levels |= found_here
+        left = None if found_here else _in_one_posture(upright)
+        if left is not None:
+            open_lines.append(
+                f"{sensor[0]} at the {sensor[1]} (radius {sensor[3]:g} m): {left:.2g} m/s^2 at rest beside its weight, in one "
+                "posture: an offset, a gain or a tilt; hits in another posture tell which"
+            )
     lines = tuple(
         f"{signal.channel.quantity} at the {signal.channel.location} (run {run.id}): "
         f"{at_rest(signal, levels[id(signal.channel)])} subtracted"
@@ -61,7 +69,8 @@ def zeroed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
         if id(signal.channel) in levels
     )
     runs = tuple(_without(run, levels) for run in campaign.runs)
-    return (replace(campaign, runs=runs), lines) if lines else (campaign, ())
+    lines = (*lines, *open_lines)
+    return (replace(campaign, runs=runs), lines) if levels else (campaign, lines)
 
 
 def _signals(campaign: Campaign) -> Iterator[tuple[Run, Signal]]:
@@ -120,6 +129,15 @@ def _of_all_postures(known: Mapping[int, tuple[float, float, float]]) -> dict[in
     floor = level.size * (1e-3 * common) ** 2  # no two readings are nearer to each other
     constant, shared = (float(np.sum(np.square(level - x))) + floor for x in (common, share * weight))
     return dict.fromkeys(known, common) if level.size * math.log(shared / constant) > TELLS else {}
+
+
+def _in_one_posture(known: Mapping[int, tuple[float, float, float]]) -> float | None:
+    """What a sensor that weighs itself reads beside its weight in every run, where no posture tells why; else ``None``."""
+    level, error, weight = (np.array(column) for column in zip(*known.values(), strict=True))
+    common = float(np.mean(level))
+    scatter = max(float(np.median(error)), float(np.std(level))) / math.sqrt(level.size)
+    alone = float(np.ptp(weight)) <= UNLIKE * STANDARD_GRAVITY
+    return common if alone and level.size > 1 and abs(common) > CERTAIN * scatter else None
 
 
 def _without(run: Run, levels: dict[int, float]) -> Run:

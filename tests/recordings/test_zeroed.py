@@ -144,6 +144,13 @@ def test_what_may_be_a_share_of_the_weight_stays(campaign):
     assert zeroed(campaign)[0] is campaign
 
 
+def test_what_one_posture_leaves_open_is_said():
+    (line,) = zeroed(upright(-0.27, (-0.9, -0.9)))[1]
+    assert "-0.27 m/s^2" in line and "an offset, a gain or a tilt" in line and "another posture" in line
+    assert zeroed(upright(0.0, (-0.9, -0.9)))[1] == ()
+    assert zeroed(upright(0.0, (0.0, -0.4, -0.9), tilt=0.05))[1] == ()  # the postures tell
+
+
 POSTURES = (0.0, -0.4, -0.9) * 5
 
 
