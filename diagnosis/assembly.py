@@ -50,6 +50,11 @@ OBSERVER_ZETA = 0.8
 SAME_RADIUS = 1e-3  # m
 
 
+def beyond(radius: float, elbow: float) -> float:
+    """Share (1 - r_e/r)+ by which a point at ``radius`` [m] follows a bend at ``elbow`` [m]; of a torque, inside, nought."""
+    return max(0.0, 1.0 - elbow / radius) if math.isfinite(radius) and radius > 0.0 else 0.0
+
+
 @dataclass
 class Sensor:
     """What an accelerometer does to what it is to read; the neutral values do nothing.

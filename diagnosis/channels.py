@@ -17,6 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import beyond
 from jointscope.diagnosis.superposition import superposed
 from jointscope.diagnosis.wind_up import WIND_UP
 from jointscope.recordings.campaign import FORCES, gearing
@@ -264,7 +265,7 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
         return np.asarray(states[:, kernel.X_AS] * n)
     acceleration = states[:, kernel.X_A]
     if assembly.S[kernel.AT_LINK] >= 0 and assembly.P[kernel.LINK_SENSE] != 0.0:
-        follows = max(0.0, 1.0 - assembly.elbow / output.radius) if assembly.elbow and output.radius else 1.0
+        follows = beyond(output.radius, assembly.elbow) if assembly.elbow and output.radius else 1.0
         acceleration = acceleration + follows * assembly.P[kernel.LINK_SENSE] * states[:, kernel.X_LINK]
     if assembly.S[kernel.AT_BASE] >= 0:
         lever = assembly.P[kernel.BASE_TURN] + assembly.P[kernel.BASE_SLIDE] / (output.radius or math.inf)

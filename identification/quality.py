@@ -11,6 +11,8 @@ import math
 from collections import Counter
 from dataclasses import replace
 
+import numpy as np
+
 from jointscope.identification.quality_clocks import clock_findings
 from jointscope.identification.quality_coherence import coherence_findings
 from jointscope.identification.quality_factors import OFF_BY, Build
@@ -18,12 +20,13 @@ from jointscope.identification.quality_gravity import gravity_findings, static_r
 from jointscope.identification.quality_relation import Relation
 from jointscope.identification.quality_relations import across, run_relations
 from jointscope.identification.quality_wiring import Outcome, first_look, second_look, settled
-from jointscope.recordings.campaign import Campaign, Run
+from jointscope.recordings.campaign import Campaign, Run, Signal
 from jointscope.recordings.finding import Finding
 from jointscope.recordings.quality import recorded_findings
 from jointscope.recordings.quality_units import SPINS, arm_angle_findings
 
 _ALIKE = 1.35  # between the largest and the smallest factor by which a channel is off in its runs
+_FASTEST = 1500.0  # rad/s of a motor, 14 000 rpm
 _AGREED = 0.75  # of the runs in which a channel's scale looks wrong
 
 
@@ -41,17 +44,24 @@ def findings(campaign: Campaign) -> list[Finding]:
 
 
 def _vouched(found: list[Finding], campaign: Campaign) -> list[Finding]:
-    """Without turns of an arm that its motor makes too: a shaft may spin, where an arm may not."""
+    """Without turns of an arm that its motor makes too, at a motor's speed: a shaft may spin, where an arm may not."""
     spun = {f.run for f in found if f.finding == "suspicious-unit" and SPINS in f.detail}
     vouched = {
         (run.id, party.signal.channel.column)
         for run in campaign.runs
         if run.id in spun
         for relation in across(run, campaign.rig)
-        if relation.holds()
+        if relation.holds() and all(_of_a_motor(p.signal) for p in relation.parties)
         for party in relation.parties
     }
     return [f for f in found if SPINS not in f.detail or (f.run, f.channel) not in vouched]
+
+
+def _of_a_motor(signal: Signal) -> bool:
+    """Whether it turns no faster than motors do: where both encoders' degrees are called radians, a gear's motor would."""
+    x = np.nan_to_num(signal.samples)
+    speed = np.gradient(x) * signal.sampling_rate if signal.channel.quantity == "angle" else x
+    return float(np.percentile(np.abs(speed), 99.0)) < _FASTEST
 
 
 def _agreed(found: list[Finding]) -> list[Finding]:

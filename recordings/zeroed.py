@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jointscope.recordings.campaign import Campaign, Nameplate, Run, Signal
 from jointscope.recordings.quality_rest import CERTAIN, at_rest, matters, quiet_level, rest_reading, settles_later
@@ -26,6 +27,7 @@ SAME = 0.03  # of an offset, within which its readings are one
 TELLS = 8.0  # twice the nats by which a constant must fit better than a share of the weight
 SCATTERED = 3.0  # standard errors of a reading, within which they scatter about one offset: noise may be slow
 
+Real = NDArray[np.float64]
 Sensor = tuple[str, str, str, float, float]
 
 
@@ -119,10 +121,9 @@ def _of_all_postures(known: Mapping[int, tuple[float, float, float]]) -> dict[in
     Certain as the mean of all readings: each may be as uncertain as it is large. A share of the weight must fit them worse.
     """
     level, error, weight = (np.array(column) for column in zip(*known.values(), strict=True))
-    common, uncertain = float(np.mean(level)), float(np.median(error))
+    common, uncertain, certain = _mean_of(level, error)
     unlike = float(np.ptp(weight)) > UNLIKE * STANDARD_GRAVITY
     alike = float(np.max(np.abs(level - common))) < max(CERTAIN * uncertain, SAME * abs(common))
-    certain = abs(common) > CERTAIN * max(uncertain, float(np.std(level))) / math.sqrt(level.size)
     if not (unlike and alike and certain):
         return {}
     share = float(level @ weight) / float(weight @ weight)
@@ -134,10 +135,15 @@ def _of_all_postures(known: Mapping[int, tuple[float, float, float]]) -> dict[in
 def _in_one_posture(known: Mapping[int, tuple[float, float, float]]) -> float | None:
     """What a sensor that weighs itself reads beside its weight in every run, where no posture tells why; else ``None``."""
     level, error, weight = (np.array(column) for column in zip(*known.values(), strict=True))
-    common = float(np.mean(level))
-    scatter = max(float(np.median(error)), float(np.std(level))) / math.sqrt(level.size)
+    common, _, certain = _mean_of(level, error)
     alone = float(np.ptp(weight)) <= UNLIKE * STANDARD_GRAVITY
-    return common if alone and level.size > 1 and abs(common) > CERTAIN * scatter else None
+    return common if alone and level.size > 1 and certain else None
+
+
+def _mean_of(level: Real, error: Real) -> tuple[float, float, bool]:
+    """Mean of some readings, what one is uncertain by, and whether the mean is no chance."""
+    common, uncertain = float(np.mean(level)), float(np.median(error))
+    return common, uncertain, abs(common) > CERTAIN * max(uncertain, float(np.std(level))) / math.sqrt(level.size)
 
 
 def _without(run: Run, levels: dict[int, float]) -> Run:

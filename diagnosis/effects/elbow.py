@@ -21,9 +21,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
+from jointscope.diagnosis.assembly import beyond
 from jointscope.diagnosis.effects.lines import Residuals
 from jointscope.diagnosis.effects.modes import SPECS as MODES
 from jointscope.diagnosis.effects.modes import hammer_radius
+from jointscope.diagnosis.effects.one_sensor import accelerometer_radii
 from jointscope.diagnosis.effects.spec import EffectSpec, ParameterSpec, Values
 
 if TYPE_CHECKING:
@@ -37,17 +39,9 @@ INNERMOST = 0.5  # of the smallest radius, one elbow to begin with
 
 def _radii(problem: Problem) -> tuple[set[float], set[float]]:
     """Radii [m] of the accelerometers on the arm, and of the hits."""
-    outputs = (o for run in problem.runs for o in run.outputs)
-    seen = {
-        round(o.radius, 3)
-        for o in outputs
-        if o.quantity == "linear-acceleration"
-        and o.location != "motor"
-        and o.direction == "tangential"
-        and o.radius
-    }
-    hit = {round(r, 3) for r in map(hammer_radius, problem.runs) if math.isfinite(r)}
-    return seen, hit
+    tangential = (o for run in problem.runs for o in run.outputs if o.direction == "tangential")
+    hit = {float(f"{r:.4g}") for r in map(hammer_radius, problem.runs) if math.isfinite(r)}
+    return set(accelerometer_radii(tangential)), hit
 
 
 def _elbows(problem: Problem) -> list[float]:
@@ -70,11 +64,6 @@ def _apply(assembly: Assembly, values: Values, weight: float) -> None:
     PLAIN.apply(assembly, tuple(mode), weight)
     assembly.elbow = elbow
     assembly.P[kernel.LINK_HIT] *= beyond(hammer_radius(assembly.run), elbow)
-
-
-def beyond(radius: float, elbow: float) -> float:
-    """Share (1 - r_e/r)+ by which a point at ``radius`` [m] follows a bend at ``elbow`` [m]; of a torque, inside, nought."""
-    return max(0.0, 1.0 - elbow / radius) if math.isfinite(radius) and radius > 0.0 else 0.0
 
 
 def _starts(problem: Problem) -> tuple[Values, ...]:

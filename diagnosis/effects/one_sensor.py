@@ -8,6 +8,7 @@ Facts used as tests: what is read elsewhere stays as it was; the same fault at e
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Values
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
-    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.problem import Output, Problem
 
 AT = "-at-"
 MOST = 4  # radii, beyond which no one's fault is looked for
@@ -27,7 +28,7 @@ MOST = 4  # radii, beyond which no one's fault is looked for
 
 def one_sensor_laws(problem: Problem) -> tuple[EffectSpec, ...]:
     """The laws of the accelerometers at each radius; none where all are at one."""
-    radii = _radii(problem)
+    radii = accelerometer_radii(o for run in problem.runs for o in run.outputs)
     if not 1 < len(radii) <= MOST:
         return ()
     return tuple(_at(spec, radius) for spec in _LAWS for radius in radii)
@@ -46,8 +47,8 @@ def named(name: str, variant: str) -> EffectSpec | None:
 _LAWS = tuple(spec for spec in sensors.SPECS if spec.variant in sensors.PUT)
 
 
-def _radii(problem: Problem) -> list[float]:
-    outputs = (o for run in problem.runs for o in run.outputs)
+def accelerometer_radii(outputs: Iterable[Output]) -> list[float]:
+    """Radii [m] of the arm's linear accelerometers among ``outputs``, in order."""
     found = {
         float(f"{o.radius:.4g}")
         for o in outputs

@@ -208,7 +208,7 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
     if kind == "link-sensor" and channel.direction == "tangential":
         scale = radius if channel.quantity == "linear-acceleration" else 1.0
         elbow = float(law.get("elbow", 0.0))
-        follows = float(law["shape"]) * (max(0.0, 1.0 - elbow / radius) if elbow else 1.0)
+        follows = float(law["shape"]) * (max(0.0, 1.0 - elbow / radius) if elbow and channel.radius else 1.0)
         return np.asarray(values + follows * scale * trace.signals["link acceleration"])
     if kind == "mount-sensor" and channel.direction == "tangential":
         linear = channel.quantity == "linear-acceleration"

@@ -280,3 +280,22 @@ def fitted():
     yield made
     for pool in pools:
         pool.shutdown()
+
+
+@pytest.fixture(scope="session")
+def two(bench):
+    """The bench with a second accelerometer nearer to the joint, at 0.55 m."""
+    runs, near = [], 0.55
+    for run in bench.runs:
+        streams = []
+        for stream in run.streams:
+            further = tuple(
+                replace(c, column="a2", radius=near, samples=c.samples * near / c.radius)
+                for c in stream.channels
+                if c.quantity == "linear-acceleration"
+            )
+            streams.append(replace(stream, channels=(*stream.channels, *further)))
+        runs.append(replace(run, streams=tuple(streams)))
+    from jointscope.diagnosis.prepare import prepare
+
+    return prepare(replace(bench, runs=tuple(runs)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,32 +11,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.assembly import beyond
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.effects.elbow import beyond
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.prepare import prepare
 
 sys.path.insert(0, str(Path(__file__).parent))
 from packed_joint import KW, modes, packed, run  # type: ignore[import-not-found]
 
 NEAR, FAR, HIT = 0.55, 0.95, 0.8
-
-
-@pytest.fixture(scope="module")
-def two(bench):
-    """The bench with a second accelerometer nearer to the joint."""
-    runs = []
-    for taken in bench.runs:
-        streams = []
-        for stream in taken.streams:
-            further = tuple(
-                replace(c, column="a2", radius=NEAR, samples=c.samples * NEAR / FAR)
-                for c in stream.channels
-                if c.quantity == "linear-acceleration"
-            )
-            streams.append(replace(stream, channels=(*stream.channels, *further)))
-        runs.append(replace(taken, streams=tuple(streams)))
-    return prepare(replace(bench, runs=tuple(runs)))
 
 
 def law(problem, variant):

@@ -8,7 +8,6 @@ import pytest
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.effects.one_sensor import named, one_sensor_laws
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.twins import BY_EYE, MOST, foreknown
 
 NEAR, FAR = 0.55, 0.95
@@ -16,23 +15,6 @@ VALUES = {
     "radial": (0.1,), "mount": (150.0, 0.1), "bandwidth": (200.0,), "clip": (5.0,), "compressing": (5.0, 2.0),
     "accelerometer": (1.1,),
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def two(bench):
-    """The bench with a second accelerometer nearer to the joint."""
-    runs = []
-    for run in bench.runs:
-        streams = []
-        for stream in run.streams:
-            further = tuple(
-                replace(c, column="a2", radius=NEAR, samples=c.samples * NEAR / FAR)
-                for c in stream.channels
-                if c.quantity == "linear-acceleration"
-            )
-            streams.append(replace(stream, channels=(*stream.channels, *further)))
-        runs.append(replace(run, streams=tuple(streams)))
-    return prepare(replace(bench, runs=tuple(runs)))
 
 
 def law(problem, variant):

@@ -311,7 +311,7 @@ def test_names_and_order_change_nothing(bench):
     assert {(f.finding, f.channel[::-1]) for f in findings(renamed)} == named(broken)
 
 
-def spinning(turns, arm_scale=1.0):
+def spinning(turns, arm_scale=1.0, motor_scale=1.0):
     """A plant of disks that its motor turns ``turns`` times, an encoder on either side of the shaft."""
     rate = 500.0
     t = np.arange(round(8.0 * rate)) / rate
@@ -323,16 +323,20 @@ def spinning(turns, arm_scale=1.0):
         stream(rate,
                Channel(column="torque", quantity="torque", unit="N m", location="motor", role="input",
                        samples=(J * acceleration + 4.0 * np.gradient(q, t)) / (0.7 * 141.0)),
-               Channel(column="motor", quantity="angle", unit="rad", location="motor", role="output", samples=141.0 * q),
+               Channel(column="motor", quantity="angle", unit="rad", location="motor", role="output",
+                       samples=motor_scale * 141.0 * q),
                Channel(column="arm", quantity="angle", unit="rad", location="arm", role="output", samples=arm_scale * q)),
     ))  # fmt: skip
     return Campaign(path=Path("."), rig=rig, runs=(run,))
 
 
 def test_a_shaft_may_spin_that_its_motor_turns_as_far():
-    assert not [f for f in findings(spinning(6.0)) if f.finding == "suspicious-unit"]
+    assert not [f for f in findings(spinning(3.0)) if f.finding == "suspicious-unit"]
     (wrong,) = [f for f in findings(spinning(0.5, arm_scale=180.0 / math.pi)) if f.finding == "suspicious-unit"]
     assert wrong.channel == "arm" and '"deg"' in (wrong.toml or "")
+    degrees = 180.0 / math.pi
+    both = findings(spinning(0.5, arm_scale=degrees, motor_scale=degrees))
+    assert any(f.channel == "arm" and '"deg"' in (f.toml or "") for f in both)
 
 
 def test_a_body_that_friction_holds_is_not_upside_down():
