@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
 
+from jointscope.diagnosis.folded import without_line
 from jointscope.diagnosis.kernel.between import SHORTEST, quintic
 from jointscope.recordings.bandlimited import OVERSAMPLING, Bandlimited
 
@@ -64,6 +65,8 @@ def driven_torque(assembly: Assembly) -> Vector:
     age = assembly.base("torque_age")
     if age != 0.0:
         torque = aged(torque, age * 2.0 * run.grid_rate)
+    if chain.log_line > 0.0:
+        torque = without_line(torque, 2.0 * run.grid_rate, chain.log_line)
     if math.isfinite(chain.log_rate):
         rates = 2.0 * run.grid_rate, run.motor.signal.rate, chain.log_rate
         torque = relogged(torque, *rates, chain.log_kind, chain.log_age)
@@ -122,7 +125,7 @@ def relogged(u: Vector, rate: float, stream_rate: float, log_rate: float, kind: 
         stream_rate: Of the log's file.
         log_rate: The log's own.
         kind: ``held`` (a staircase), ``averaged`` (mean over the last interval), ``averaged-held`` (a staircase of such
-            means) or ``aliased`` (thinned without a filter, then drawn with straight lines).
+            means), ``aliased`` (thinned without a filter, then drawn with straight lines) or ``folded`` (as it is).
         age: Of a value when it is first written [s]: updates and samples keep different times.
     """
     window = 1.0 / log_rate

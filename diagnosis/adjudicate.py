@@ -266,6 +266,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         unreached=elsewhere or apart,
         rest=rest,
         exact=all(spec.exact for spec in parent.hypothesis.specs),
+        from_outside=bool(added) and all(s.profiled for s in added),
     )
 
 

@@ -95,8 +95,10 @@ class Chain:
         lags: Time constants of the stages through which the torque follows the logged one [s].
         loop: Time constant of a current loop tuned to the magnitude optimum [s], 0 without.
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
-        log_kind: ``"held"``, ``"seen-held"``, ``"averaged"``, ``"averaged-held"`` or ``"aliased"``.
+        log_kind: ``"held"``, ``"seen-held"``, ``"averaged"``, ``"averaged-held"``, ``"aliased"`` or
+            ``"folded"``.
         log_age: Of a value of that log when it is first written [s].
+        log_line: Frequency of a line that the log has and nothing acts by [Hz], 0 without.
         vibration: Frequency [Hz] and amplitude [N m] of an outside disturbance.
         vibration_mount: Whether it shakes the mount (amplitude in m/s^2 or rad/s^2) rather than pushing the arm.
     """
@@ -114,6 +116,7 @@ class Chain:
     log_rate: float = math.inf
     log_kind: str = "averaged"
     log_age: float = 0.0
+    log_line: float = 0.0
     vibration: tuple[float, float] = (1.0, 0.0)
     vibration_mount: bool = False
 

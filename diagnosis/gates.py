@@ -66,6 +66,8 @@ class Comparison:
             several fitted runs show apart from each other.
         rest: Of the energy that the parent leaves in the channel of ``material``, what the child explains [-].
         exact: Whether the parent's laws have one form only, so that no wrong one can be left.
+        from_outside: Whether all that the child adds comes from outside the rig, which may be stronger in one run than in
+            another: what is foretold then says less of what must be gained.
     """
 
     gain: float
@@ -81,6 +83,7 @@ class Comparison:
     unreached: bool = False
     rest: float = 0.0
     exact: bool = False
+    from_outside: bool = False
 
     @property
     def real(self) -> bool:
@@ -103,7 +106,8 @@ class Comparison:
         due = max(self.held_gain + self.lost, self.foretold_held)
         agrees = self.foretold_held > TELLING and self.held_gain > AGREES * self.foretold_held
         proportion = 0.0 if agrees else CARRIES_OVER * self.expected_held
-        enough = max(HELD, proportion, AS_FORETOLD * self.foretold_held)
+        as_foretold = AS_FORETOLD * self.foretold_held
+        enough = max(HELD, proportion, min(as_foretold, REAL) if self.from_outside else as_foretold)
         losing = LOSING if self.share_of_runs >= 0.5 else LOSING_MOST
         much = self.foretold_held > TELLING and self.held_gain > TOO_MUCH * self.foretold_held
         return self.held_gain > enough and self.lost < losing * due and not much

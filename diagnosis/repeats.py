@@ -9,33 +9,45 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.adjudicate import Judgement
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.problem import PreparedRun
 from jointscope.diagnosis.verdict import Decision
 
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import EffectSpec
+
 LIKELY = 0.7  # that nothing is missing then
+TOLD = 2.0  # standard errors of what takes share, by which it must exceed them to be missed where they don't share it
 
 
 def with_what_repeats(judgement: Judgement, decision: Decision) -> Decision:
     """``none`` in place of a name, where all that the base leaves differs from take to take of what a log drives.
 
-    Accelerometers decide where there are any: an angle follows whatever moves it. What acts in runs of its own, or at another
-    phase in each, does not repeat either: it keeps its name.
+    Accelerometers decide where there are any: an angle follows whatever moves it. What acts in runs of its own, or at
+    another phase in each (a vibration; an order of a shaft that starts elsewhere), does not repeat either: it keeps its name.
+    So does what explains no more than takes could share unseen.
     """
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
     if decision.verdict != "effects" or not all(map(driven_by_noise, runs)):
         return decision
-    own = any(spec.run_weights is not None or spec.profiled for spec in decision.chosen.hypothesis.specs)
+    own = any(map(_acts_anew, decision.chosen.hypothesis.specs))
     blocks = decision.adequacy.blocks
     telling = [block for block in blocks if block.key[2] in ACCELERATIONS] or list(blocks)
     told = telling != [] and all(math.isfinite(block.base_common) for block in telling)
-    if own or not told or decision.adequacy.base_left > 0.0:
+    missed = any(block.base - block.model > TOLD * block.error for block in telling)
+    if own or not told or not missed or decision.adequacy.base_left > 0.0:
         return decision
     return replace(
         decision, verdict="none", chosen=judgement.base, probability=LIKELY, unknown_reason=None, candidates=()
     )
+
+
+def _acts_anew(spec: EffectSpec) -> bool:
+    """Whether a law does something else in each take of one excitation."""
+    return spec.run_weights is not None or spec.profiled > 0 or spec.family == "periodic"
 
 
 def driven_by_noise(run: PreparedRun) -> bool:

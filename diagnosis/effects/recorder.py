@@ -5,7 +5,7 @@ r"""The recording devices: one stamps late, one's clock runs fast, a slow log ho
 
 Facts used as tests: a delay's phase is -w delay with gain 1; at a speed v, an encoder read late adds v delay to the
 wind-up; a drift of d ppm shifts the end of a run of length T by d T; averaging over 1/rate has the gain sinc(f/rate) and
-half that interval of delay, and is undone below rate/2.
+half that interval of delay, and is undone below rate/2; a ripple at f, logged at r without a filter, is a line at |f - k r|.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from jointscope.diagnosis.effects.spec import (
     needs_two_clocks,
     one_start,
 )
+from jointscope.diagnosis.folded import folded_line
 from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:
@@ -55,6 +56,17 @@ def _logging(kind: str) -> Apply:
         assembly.chain.log_age = values[1] if len(values) > 1 else 0.0
 
     return apply
+
+
+def _folding(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.log_rate, assembly.chain.log_kind = values[0], "folded"
+    assembly.chain.log_line, assembly.chain.log_age = values[1], values[2]
+
+
+def _folded(problem: Problem) -> float:
+    """Frequency of a line that the torque logs have in common [Hz]; 0 without one."""
+    logs = [run.motor for run in problem.runs if run.motor is not None and run.motor_moves]
+    return folded_line([(log.samples, log.signal.rate) for log in logs])
 
 
 def _log_rate(problem: Problem) -> float:
@@ -110,6 +122,29 @@ def _drifts(problem: Problem) -> tuple[float, float, float]:
     return 30.0 / duration, 300.0 / duration, 2000.0 / duration
 
 
+def _own_rates(problem: Problem) -> tuple[float, float, float]:
+    rate = _log_rate(problem)
+    return rate, rate, rate
+
+
+def _at_the_line(problem: Problem) -> tuple[Values, ...]:
+    return ((_folded(problem), 0.0),)
+
+
+def _line_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    rate, line = _log_rate(problem), _folded(problem)
+    return {"rate": ((1.0 - EXACT) * rate, (1.0 + EXACT) * rate), "line": (line - NEAR_LINE, line + NEAR_LINE)}
+
+
+def _needs_a_line(problem: Problem) -> str | None:
+    return needs_motor_torque(problem) or (
+        None if _folded(problem) > 0.0 else "the torque logs have no line in common"
+    )
+
+
+HALF_A_CYCLE = 5e-4  # s; what is read at an instant, a drive holds for a cycle of a millisecond at most
+EXACT = 1e-6  # of a log's own rate, which its file states
+NEAR_LINE = 0.1  # Hz, within which a line's frequency is read off the logs
 _AGE = ParameterSpec("age", "s", -1.0, 1.0)
 SEEN = 0.001  # of the rate at which a log is seen to be refreshed, within which it is held there
 _TIMING = ("drive-lag", "delay", "torque-logging", "sensor-resonance")
@@ -205,5 +240,24 @@ SPECS: tuple[EffectSpec, ...] = (
                 _needs_repeats,
             ),
         )
+    ),
+    EffectSpec(
+        name="torque-logging",
+        location="acquisition",
+        variant="folded",
+        family="sensor-time",
+        parameters=(
+            ParameterSpec("rate", "Hz", 1.0, 1e6, log=True, null=math.inf),
+            ParameterSpec("line", "Hz", 0.0, 1e5),
+            ParameterSpec("age", "s", -HALF_A_CYCLE, HALF_A_CYCLE),
+        ),
+        law="a ripple above half the log's rate stands in it at |f - k rate|, where nothing acts",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=tuple(name for name in _TIMING if name != "torque-logging"),
+        apply=_folding,
+        scale=_own_rates,
+        starts=_at_the_line,
+        possible=_needs_a_line,
+        limits=_line_limits,
     ),
 )

@@ -64,9 +64,9 @@ def sensitivity(building: Building, location: str, variant: str, p: Parameters) 
 
 
 def torque_log(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """The log is held, averaged or thinned out at its own rate."""
-    age = {"age": p["age"]} if "age" in p else {}
-    building.law("torque-log", rate=p["rate"], form=variant, **age)
+    """The log is held, averaged or thinned out at its own rate, or has a line that was folded down."""
+    more = {key: p[key] for key in ("age", "line") if key in p}
+    building.law("torque-log", rate=p["rate"], form=variant, **more)
     return ""
 
 

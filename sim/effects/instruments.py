@@ -19,7 +19,7 @@ from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import Run, Signal
 from jointscope.recordings.drift import FOLLOWING
-from jointscope.sim.effects.torque_log import relogged
+from jointscope.sim.effects.torque_log import relogged, unfolded
 from jointscope.sim.measurement import Clock
 from jointscope.sim.physics import Acquisition, Record
 from jointscope.sim.stepping import Trace
@@ -69,7 +69,12 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         for law in laws:
             if at_motor and law["kind"] == "torque-log":
                 log = float(law["rate"]), str(law["form"]), float(law.get("age", 0.0))
-                samples = relogged(record(signal.times), signal.sampling_rate, *log)
+                logged = record(signal.times)
+                samples = (
+                    unfolded(logged, signal.sampling_rate, float(law["line"]), log[2])
+                    if "line" in law
+                    else relogged(logged, signal.sampling_rate, *log)
+                )
                 record = bandlimited(samples, signal.sampling_rate, signal.stream.start)
         record = _shifted(record, clock(signal))
         if at_motor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 Real = NDArray[np.float64]
 
@@ -45,3 +46,32 @@ def relogged(samples: Real, rate: float, log_rate: float, form: str, age: float 
         restored[f > 0.5 * log_rate] = 1.0
     whole = np.fft.irfft((np.fft.rfft(long - trend)) * restored, long.size) + trend
     return np.asarray(whole[edge : edge + samples.size], dtype=np.float64)
+
+
+def unfolded(samples: Real, rate: float, line: float, age: float = 0.0) -> Real:
+    """A log without the line that a ripple above half its rate has left in it.
+
+    Sine and cosine are fitted to second differences, in which what drives the machine is small; where it is not, those
+    samples are left out, three times over.
+
+    Args:
+        samples: As logged, shape (n,).
+        rate: Of the stream [Hz].
+        line: Where the ripple stands in the log [Hz].
+        age: What a value has when it is written [s].
+    """
+    u = np.asarray(samples, dtype=np.float64)
+    if u.size < 32:
+        return u
+    angle = 2.0 * np.pi * line / rate * np.arange(u.size)
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    bent, of_waves = np.diff(u, 2), np.diff(waves, 2, axis=0)
+    keep = np.ones(bent.size, dtype=np.bool_)
+    size = np.zeros(2)
+    for _ in range(4):
+        size = np.linalg.lstsq(of_waves[keep], bent[keep], rcond=None)[0]
+        left = np.abs(bent - of_waves @ size)
+        keep = left <= 3.0 * float(np.median(left)) + 1e-300
+    rest = u - waves @ size
+    k = np.arange(u.size, dtype=np.float64)
+    return np.asarray(CubicSpline(k, rest)(np.clip(k + age * rate, 0.0, u.size - 1.0)), dtype=np.float64)

@@ -23,12 +23,13 @@ def run(noise=0.1, moves=True):
     return SimpleNamespace(motor_moves=moves, motor=SimpleNamespace(noise=noise))
 
 
-def answer(*, left=0.0, common=1e-6, weights=None, profiled=0):
-    spec = SimpleNamespace(run_weights=weights, profiled=profiled)
+def answer(*, left=0.0, common=1e-6, weights=None, profiled=0, family="transmission", explained=3e-5):
+    spec = SimpleNamespace(run_weights=weights, profiled=profiled, family=family)
     chosen = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,)))
     key = ("speed-motion", False, "linear-acceleration", "arm")
     angle = SimpleNamespace(key=(*key[:2], "angle", "arm"), base_common=math.nan)
-    blocks = (SimpleNamespace(key=key, base_common=common), angle)
+    shaken = SimpleNamespace(key=key, base_common=common, base=1e-3, model=1e-3 - explained, error=1e-5)
+    blocks = (shaken, angle)
     return Answer("effects", chosen, SimpleNamespace(blocks=blocks, base_left=left))
 
 
@@ -50,6 +51,8 @@ def test_a_gain_that_no_two_takes_share_is_no_name():
         (answer(common=math.nan), (run(), run())),  # no two takes are driven alike
         (answer(weights=(0.0, 1.0)), (run(), run())),  # a payload is in some runs only
         (answer(profiled=1), (run(), run())),  # a vibration has another phase in each
+        (answer(family="periodic"), (run(), run())),  # and a shaft's order, where takes start elsewhere
+        (answer(explained=1.5e-5), (run(), run())),  # takes could share that much unseen
         (answer(), (run(), run(moves=False))),  # a hit is driven by no log
         (answer(), (run(), run(noise=0.0))),  # a log without noise rings nothing
     ],
