@@ -21,7 +21,7 @@ from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.form import own_share
-from jointscope.diagnosis.gates import OWN_FORM, REAL, Comparison
+from jointscope.diagnosis.gates import AS_FORETOLD, OWN_FORM, REAL, Comparison
 from jointscope.diagnosis.intervals import differs_from_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
@@ -296,14 +296,20 @@ def score(judgement: Judgement, candidate: Judged) -> float:
 
 
 def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
-    """Whether the child adds a line at the joint's own resonance, which broadband noise leaves there as well."""
+    """Whether the child adds a line at the joint's own resonance, which broadband noise leaves there as well.
+
+    Noise rings at another size in every run: there a line must be what was foretold of it.
+    """
     theta, effects = child.fit.coordinates.unpack(child.fit.x)
     poles = joint_poles(judgement.objective.problem, theta)
     lines = [
         a.values[0] for a in effects if a.spec.profiled and f"{a.spec.name}@{a.spec.location}" not in parent.names
     ]
     on_one = any(abs(line / f - 1.0) < NEAR_RESONANCE + zeta for line in lines for f, zeta in poles.values())
-    return on_one and compare(judgement, parent, child).gain < REAL_RESONANT
+    if not on_one:
+        return False
+    found = compare(judgement, parent, child)
+    return found.gain < REAL_RESONANT or found.held_gain < AS_FORETOLD * found.foretold_held
 
 
 def _unheard(judgement: Judgement, child: Judged, parent: Judged) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from jointscope.diagnosis.adjudicate import compare, score
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
-from jointscope.diagnosis.verdict import adequacy_of
+from jointscope.diagnosis.verdict import adequacy_of, resembled
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
@@ -129,7 +129,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
             fit = adequacy_of(diagnosis.judgement, judged)
             return replace(diagnosis, decision=replace(decision, chosen=judged, adequacy=fit))
     top = decision.ranking[0]
-    others = [r for r in decision.ranking[1:5] if r.names and r.score > SECOND * top.score]
+    named = [r for r in decision.ranking[1:5] if r.names and resembled(r.judged) is None]
+    others = [r for r in named if r.score > SECOND * top.score]
     kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]
     if kept:
         total = sum(r.probability for r in kept)  # 0 where all are beyond reach of the one that does not stand

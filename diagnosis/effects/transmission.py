@@ -1,6 +1,7 @@
 r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, structural damping.
 
     T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
+    T_S = K Delta - (1 - inside) K clip(Delta, +-gap/2) + c Delta'               play that a seal or grease bridges
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
     T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
     T_S = K Delta (1 - share d^2/(Delta^2 + d^2))         the same without a corner
@@ -58,6 +59,11 @@ def _rounded(assembly: Assembly, values: Values, weight: float) -> None:
         values[2],
         1.0,
     )
+
+
+def _cushioned(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.P[kernel.K_SOFT] = (1.0 - values[1]) * assembly.P[kernel.K]
+    assembly.P[kernel.SOFT_ANGLE] = 0.5 * values[0]
 
 
 def _cubic(assembly: Assembly, values: Values, weight: float) -> None:
@@ -201,7 +207,7 @@ SPECS: tuple[EffectSpec, ...] = (
             look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
             apply=apply,
             scale=_angle_sizes,
-            decades=0 if variant == "off-centre" else 3,
+            decades=0 if variant in ("off-centre", "cushioned") else 3,
             starts=starts,
             proportional=proportional,
             possible=needs_spring,
@@ -243,6 +249,14 @@ SPECS: tuple[EffectSpec, ...] = (
                 _backlash(0.0),
                 (_GAP, ParameterSpec("centre", "1", -1.0, 1.0)),
                 lambda problem: ((-0.7,), (0.7,)),
+                (),
+            ),
+            (
+                "cushioned",
+                "K Delta - (1 - inside) K clip(Delta, +-gap/2): little of the spring is left in the gap",
+                _cushioned,
+                (_GAP, ParameterSpec("inside", "1", 0.0, 1.0 - _SOFTEST)),
+                lambda problem: ((0.05,),),
                 (),
             ),
         )

@@ -22,8 +22,12 @@ TURNING = 0.05  # of the speed amplitude at resonance, over which the rate-indep
 def backlash(building: Building, location: str, variant: str, p: Parameters) -> str:
     """Lost motion ``gap`` in total; ``centre`` in half gaps; the damper acts in contact only, or always ("damped").
 
-    Flanks that don't pull ("sheds"), or give way over ``contact_depth`` as well ("rounded").
+    Flanks that don't pull ("sheds"), or give way over ``contact_depth`` as well ("rounded"). With ``inside`` that share of
+    the spring is left within the gap ("cushioned").
     """
+    if "inside" in p:
+        building.soft, building.soft_angle = (1.0 - p["inside"]) * building.stiffness, 0.5 * p["gap"]
+        return "tendon 'reducer low-torque spring'"
     building.gap = p["gap"]
     building.centre = 0.5 * p["gap"] * p.get("centre", 0.0)
     building.gap_damping = 1.0 if variant == "damped" else 0.0

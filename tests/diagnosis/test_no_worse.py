@@ -57,6 +57,17 @@ def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, an
     assert second.probability == pytest.approx(SECOND_CHOICE)
 
 
+def test_physics_outside_the_table_is_no_second_choice(problem, answered, monkeypatch):
+    monkeypatch.setattr(
+        "jointscope.diagnosis.no_worse.resembled",
+        lambda judged: object() if judged.names == ("backlash@transmission",) else None,
+    )
+    worse, stranger = (
+        sized(problem, *effect) for effect in (("coulomb-friction", "load", 2.0), ("backlash", "transmission", 0.0))
+    )
+    assert answered(worse, stranger).verdict == "unknown"
+
+
 def test_another_fit_of_the_same_effect_that_foretells_no_worse_is_handed_on(
     problem, deciding, answered, monkeypatch
 ):
