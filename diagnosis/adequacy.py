@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,6 +51,8 @@ class Block:
         base, model: What is left as a whole.
         base_common, model_common: What is left in common to runs driven alike; ``nan`` where no two runs are.
         error: Standard error of the common parts.
+        claimed: What the base would leave in common if the model were true: the two predictions' difference, which a level
+            or a noisy input changes from run to run; ``nan`` where no two runs are driven alike.
     """
 
     key: Key
@@ -60,6 +62,7 @@ class Block:
     base_common: float
     model_common: float
     error: float
+    claimed: float = math.nan
 
     @property
     def floor(self) -> float:
@@ -193,9 +196,32 @@ def _coarse(take: _Take) -> bool:
     return take.quantised > COARSE * _mean_square(take.model[take.output.mask])
 
 
-def _pairs(takes: Sequence[_Take]) -> list[tuple[float, float, float]]:
-    """(base, model, variance) of the common energy of every pair that was driven alike."""
-    found: list[tuple[float, float, float]] = []
+@dataclass(frozen=True)
+class _Pair:
+    """Common energy of two takes that were driven alike, as in :class:`Block`, and its variance."""
+
+    base: float
+    model: float
+    claimed: float
+    variance: float
+
+
+def _pair(a: _Take, b: _Take, shift: int, shared: float) -> _Pair:
+    """Of ``b`` moved by ``shift`` samples later; ``shared`` is the quantiser's."""
+    n = min(len(a.base), len(b.base))
+    ab, bb = _overlap(a.base[:n], shift), _overlap(b.base[:n], -shift)
+    am, bm = _overlap(a.model[:n], shift), _overlap(b.model[:n], -shift)
+    return _Pair(
+        float(np.mean(ab * bb)) - shared,
+        float(np.mean(am * bm)) - shared,
+        float(np.mean((ab - am) * (bb - bm))),
+        _memory(am, bm, a.output.rate) / len(am),
+    )
+
+
+def _pairs(takes: Sequence[_Take]) -> list[_Pair]:
+    """Every pair that was driven alike."""
+    found: list[_Pair] = []
     order = sorted(range(len(takes)), key=lambda i: dynamic_level(takes[i].output))
     pairs = sorted(itertools.combinations(range(len(order)), 2), key=lambda p: p[1] - p[0])
     for i, j in pairs:
@@ -206,26 +232,20 @@ def _pairs(takes: Sequence[_Take]) -> list[tuple[float, float, float]]:
         shift, alike = _aligned(a.output.data, b.output.data, round(REACH * rate) if a.hit else 2)
         if alike < (ALIKE_HITS if a.hit else ALIKE) or _coarse(a) or _coarse(b):
             continue
-        n = min(len(a.base), len(b.base))
-        ab, bb = _overlap(a.base[:n], shift), _overlap(b.base[:n], -shift)
-        am, bm = _overlap(a.model[:n], shift), _overlap(b.model[:n], -shift)
-        shared = math.sqrt(a.quantised * b.quantised)
-        found.append(
-            (float(np.mean(ab * bb)) - shared, float(np.mean(am * bm)) - shared, _memory(am, bm, rate) / len(am))
-        )
+        found.append(_pair(a, b, shift, math.sqrt(a.quantised * b.quantised)))
     return found
 
 
-def _standard_error(found: Sequence[tuple[float, float, float]]) -> float:
+def _standard_error(found: Sequence[_Pair]) -> float:
     """Of the mean common energy: from the noise's memory, or from how the pairs differ where that is more.
 
     A joint that ambient noise keeps ringing gives two or three independent values per record, from which no memory can be told.
     """
     if not found:
         return math.nan
-    values = np.array([m for _, m, _ in found])
+    values = np.array([pair.model for pair in found])
     differing = float(np.std(values, ddof=1)) if len(found) >= DIFFERING else 0.0
-    return max(math.sqrt(sum(v for _, _, v in found)) / len(found), differing / math.sqrt(len(found)))
+    return max(math.sqrt(sum(pair.variance for pair in found)) / len(found), differing / math.sqrt(len(found)))
 
 
 def input_period(run: PreparedRun) -> float | None:
@@ -251,7 +271,7 @@ def input_period(run: PreparedRun) -> float | None:
     return best / drive.signal.rate
 
 
-def _periods(run: PreparedRun, take: _Take) -> list[tuple[float, float, float]]:
+def _periods(run: PreparedRun, take: _Take) -> list[_Pair]:
     """The same for successive periods of one run, where the excitation repeats itself."""
     period = input_period(run)
     if period is None or _coarse(take):
@@ -259,9 +279,9 @@ def _periods(run: PreparedRun, take: _Take) -> list[tuple[float, float, float]]:
     lag = round(period * take.output.rate)
     if len(take.base) - lag < 128:
         return []
-    base = float(np.mean(take.base[lag:] * take.base[:-lag])) - take.quantised
-    model = float(np.mean(take.model[lag:] * take.model[:-lag])) - take.quantised
-    return [(base, model, _memory(take.model[lag:], take.model[:-lag], take.output.rate) / (len(take.base) - lag))]
+    later = replace(take, base=take.base[lag:], model=take.model[lag:])
+    earlier = replace(take, base=take.base[:-lag], model=take.model[:-lag])
+    return [_pair(later, earlier, 0, take.quantised)]
 
 
 def adequacy(
@@ -290,16 +310,16 @@ def adequacy(
         found = _pairs([take for _, take in rows])
         if not found:
             found = [p for run, take in rows for p in _periods(run, take)]
-        count = len(found)
         blocks.append(
             Block(
                 key,
                 sum(int(take.output.mask.sum()) for _, take in rows),
                 float(np.mean([_mean_square(take.base[take.output.mask]) for _, take in rows])),
                 float(np.mean([_mean_square(take.model[take.output.mask]) for _, take in rows])),
-                float(np.mean([b for b, _, _ in found])) if count else math.nan,
-                float(np.mean([m for _, m, _ in found])) if count else math.nan,
+                float(np.mean([pair.base for pair in found])) if found else math.nan,
+                float(np.mean([pair.model for pair in found])) if found else math.nan,
                 _standard_error(found),
+                float(np.mean([pair.claimed for pair in found])) if found else math.nan,
             )
         )
     telling = [b for b in blocks if b.excess > EXCESS]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.adequacy import Block, _standard_error, adequacy, input_period
+from jointscope.diagnosis.adequacy import Block, _Pair, _standard_error, adequacy, input_period
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
 
 RATE = 500.0
@@ -122,10 +122,10 @@ def test_noise_that_comes_in_bursts_agrees_by_chance_as_often_as_its_error_says(
 def test_pairs_that_differ_by_more_than_their_noise_tells_are_less_sure():
     """The mean's error is at least that of their own scatter; too few pairs have none to tell."""
     values = [250.0, 91.0, -46.0, -3.0, 2.0, -18.0, 110.0, 73.0]
-    found = [(v, v, 100.0) for v in values]
+    found = [_Pair(v, v, v, 100.0) for v in values]
     scatter = np.std(values, ddof=1) / np.sqrt(len(values))
     assert _standard_error(found) == pytest.approx(scatter)
-    assert _standard_error([(v, v, 1e6) for v in values]) == pytest.approx(1e3 / np.sqrt(len(values)))
+    assert _standard_error([_Pair(v, v, v, 1e6) for v in values]) == pytest.approx(1e3 / np.sqrt(len(values)))
     assert _standard_error(found[:3]) == pytest.approx(10.0 / np.sqrt(3.0))
     assert np.isnan(_standard_error([]))
 

@@ -20,15 +20,16 @@ class Answer:
 
 
 def run(noise=0.1, moves=True):
-    return SimpleNamespace(motor_moves=moves, motor=SimpleNamespace(noise=noise))
+    taken = SimpleNamespace(experiment="speed-motion")
+    return SimpleNamespace(run=taken, motor_moves=moves, motor=SimpleNamespace(noise=noise))
 
 
-def answer(*, left=0.0, common=1e-6, weights=None, profiled=0, family="transmission", explained=3e-5):
-    spec = SimpleNamespace(run_weights=weights, profiled=profiled, family=family)
+def answer(*, left=0.0, common=1e-6, weights=None, profiled=0, family="hysteretic", shown=("hammer",), claimed=0.0):
+    spec = SimpleNamespace(run_weights=weights, profiled=profiled, family=family, revealed_by=shown)
     chosen = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,)))
     key = ("speed-motion", False, "linear-acceleration", "arm")
     angle = SimpleNamespace(key=(*key[:2], "angle", "arm"), base_common=math.nan)
-    shaken = SimpleNamespace(key=key, base_common=common, base=1e-3, model=1e-3 - explained, error=1e-5)
+    shaken = SimpleNamespace(key=key, base_common=common, claimed=claimed, error=1e-5)
     blocks = (shaken, angle)
     return Answer("effects", chosen, SimpleNamespace(blocks=blocks, base_left=left))
 
@@ -44,6 +45,11 @@ def test_a_gain_that_no_two_takes_share_is_no_name():
     assert (found.verdict, found.chosen, found.unknown_reason) == ("none", "base", None)
 
 
+def test_nor_is_what_takes_would_share_visibly():
+    given = answer(shown=("speed-motion",), claimed=3e-5)
+    assert with_what_repeats(judged(run(), run(), run()), given).verdict == "none"
+
+
 @pytest.mark.parametrize(
     ("given", "runs"),
     [
@@ -52,7 +58,7 @@ def test_a_gain_that_no_two_takes_share_is_no_name():
         (answer(weights=(0.0, 1.0)), (run(), run())),  # a payload is in some runs only
         (answer(profiled=1), (run(), run())),  # a vibration has another phase in each
         (answer(family="periodic"), (run(), run())),  # and a shaft's order, where takes start elsewhere
-        (answer(explained=1.5e-5), (run(), run())),  # takes could share that much unseen
+        (answer(shown=("speed-motion",)), (run(), run())),  # the experiment is made to show it, and takes can't tell
         (answer(), (run(), run(moves=False))),  # a hit is driven by no log
         (answer(), (run(), run(noise=0.0))),  # a log without noise rings nothing
     ],
