@@ -9,7 +9,7 @@ by the same amount in every run: of an effect the standard error is stretched, a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ STRETCH = (
 )
 FORM = 0.02  # of the size of a law that nature knows in several forms
 FORM_OF_EXACT = 0.005  # and of a delay, a weight, a gain
+SHAPES = ("shape", "hit_shape", "sensor_shape", "elbow_radius")  # of a bend, by which its inertia is seen
 _PLACES = ("Hz", "rad/s")  # of a mode or a line: where it is does not depend on the form
 
 
@@ -83,15 +84,32 @@ def differs_from_nothing(objective: Objective, fit: Fit) -> bool:
     """Whether no effect's 95 % interval holds the size at which it is absent.
 
     A mismatch of no effect's form is taken for a small one in some runs and for its opposite in others, whatever the
-    likelihood says.
+    likelihood says. Of a bend the inertia times what hammer and sensor see of it is known, and neither by itself: the size
+    is asked for at the shape that was found.
     """
-    fit = with_fresh_jacobian(objective, fit)
+    fit = _at_its_shape(with_fresh_jacobian(objective, fit))
     where, found = fit.coordinates, estimates(objective, fit)
     for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
         null, size = spec.parameters[spec.amplitude].null, found[rows.start + spec.amplitude]
         if null is not None and size.low <= null <= size.high:
             return False
     return True
+
+
+def _at_its_shape(fit: Fit) -> Fit:
+    """The fit as if the shapes of its bends were known."""
+    where = fit.coordinates
+    known = [
+        i
+        for spec, rows in zip(where.effects, where.effect_slices(), strict=True)
+        for i, parameter in zip(range(rows.start, rows.stop), spec.parameters, strict=True)
+        if spec.name == "link-flexibility" and parameter.name in SHAPES
+    ]
+    if not known:
+        return fit
+    jacobian = fit.jacobian.copy()
+    jacobian[:, known] = 0.0
+    return replace(fit, jacobian=jacobian)
 
 
 def estimates(objective: Objective, fit: Fit) -> tuple[Estimate, ...]:

@@ -9,7 +9,8 @@ import pytest
 
 from jointscope.diagnosis import intervals
 from jointscope.diagnosis.effects import REGISTRY
-from jointscope.diagnosis.intervals import FORM, FORM_OF_EXACT, STRETCH, Estimate, with_form
+from jointscope.diagnosis.intervals import FORM, FORM_OF_EXACT, STRETCH, Estimate, _at_its_shape, with_form
+from jointscope.diagnosis.refit import Fit, covariance
 
 
 def spec_of(name, variant):
@@ -69,3 +70,16 @@ def test_an_effect_whose_interval_holds_nothing_is_not_told_from_nothing(
     found = (estimate, *(Estimate(0.0, -1.0, 1.0) for _ in where.effects[0].parameters[1:]))
     monkeypatch.setattr(intervals, "estimates", lambda objective, fit: found)
     assert intervals.differs_from_nothing(None, SimpleNamespace(coordinates=where, fresh=True)) is told
+
+
+def test_of_a_bend_the_size_is_asked_for_at_its_shape():
+    """Inertia and shape move every sample alike, so neither is known by itself; their product is."""
+    spec = spec_of("link-flexibility", "one-shape")
+    names = [p.name for p in spec.parameters]
+    where = SimpleNamespace(**vars(coordinates_of(spec)), n=len(names))
+    rng = np.random.default_rng(1)
+    jacobian = rng.standard_normal((400, len(names)))
+    jacobian[:, names.index("shape")] = jacobian[:, names.index("inertia")] * (1.0 + 1e-3 * rng.standard_normal(400))
+    fit = Fit(where, np.ones(len(names)), rng.standard_normal(400), jacobian, 1.0, True, True, 1)
+    inertia = names.index("inertia")
+    assert covariance(fit)[inertia, inertia] > 1e4 * covariance(_at_its_shape(fit))[inertia, inertia]
