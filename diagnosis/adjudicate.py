@@ -47,6 +47,7 @@ ELSEWHERE = 2  # of them whose base parameters the base is refitted from
 ASKED = 3  # sets that are asked what no other form of their parts could do
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 
+MORE = 30.0  # nats by which one effect that is too small to matter must lead what stands
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
 UNREACHED_PLACE = 0.1  # the same of an effect of one place or level: the base, which moves too, foretells that
 APART = 2  # fitted runs that must each show what no held-out run can
@@ -349,6 +350,7 @@ def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> b
 def standing(judgement: Judgement) -> list[Judged]:
     """Hypotheses that stand over the base and over the best law of every fitted part of themselves, best score first."""
     found: list[Judged] = []
+    small: list[Judged] = []
     asked: list[tuple[Judged, list[Judged]]] = []
     best = {j.names: j for j in sorted(judgement.judged, key=lambda j: score(judgement, j))}
     for child in judgement.judged[1:]:
@@ -357,7 +359,8 @@ def standing(judgement: Judgement) -> list[Judged]:
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself
         over = [compare(judgement, part, child) for part in parts]
-        if not all(c.stands or c.beside for c in over):
+        slight = not all(c.stands or c.beside for c in over)
+        if slight and not (len(child.names) == 1 and all(c.stands_but_for_size for c in over)):
             continue
         if any(_rings(judgement, child, part) or _unheard(judgement, child, part) for part in parts):
             continue
@@ -375,11 +378,16 @@ def standing(judgement: Judgement) -> list[Judged]:
         if not seen_by_all and not differs_from_nothing(judgement.objective, child.fit):
             continue  # of an amplitude that its own shape can undo an interval says nothing
         weak = [part for part, c in zip(parts, over, strict=True) if not c.stands]
-        if weak:
+        if slight:
+            small.append(child)
+        elif weak:
             asked.append((child, weak))
         elif parts:
             found.append(child)
     found.extend(_of_their_own(judgement, asked, max((score(judgement, j) for j in found), default=0.0)))
+    if found and small:  # what explains more by less than would matter is not given up for what explains less by more
+        least = max(score(judgement, j) for j in found) + MORE
+        found.extend(j for j in small if score(judgement, j) > least)
     return sorted(found, key=lambda j: -score(judgement, j))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 REAL = 30.0  # nats beyond the Occam cost: on five draws nothing below 50 was named right, on an outside null 43 nats were wrong
 UNASKED = 0.5  # of what is asked of the fitted runs, where the held-out ones give all of it by themselves
@@ -126,6 +126,11 @@ class Comparison:
             and (self.material > MATERIAL or self.evident)
             and (self.share > needed or much or both or nearly_all)
         )
+
+    @property
+    def stands_but_for_size(self) -> bool:
+        """Whether it would stand if it were large enough to matter."""
+        return replace(self, material=max(self.material, 2.0 * MATERIAL)).stands
 
     @property
     def beside(self) -> bool:

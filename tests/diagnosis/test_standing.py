@@ -10,9 +10,10 @@ from jointscope.diagnosis import adjudicate, verdict
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.verdict import SURE_OF_SETS, rank
 
-STANDS = SimpleNamespace(gain=200.0, stands=True, beside=False)
-FAILS = SimpleNamespace(gain=0.0, stands=False, beside=False)
-BESIDE = SimpleNamespace(gain=200.0, stands=False, beside=True)
+STANDS = SimpleNamespace(gain=200.0, stands=True, beside=False, stands_but_for_size=True)
+FAILS = SimpleNamespace(gain=0.0, stands=False, beside=False, stands_but_for_size=False)
+BESIDE = SimpleNamespace(gain=200.0, stands=False, beside=True, stands_but_for_size=False)
+SLIGHT = SimpleNamespace(gain=200.0, stands=False, beside=False, stands_but_for_size=True)
 
 
 @pytest.mark.parametrize(
@@ -127,3 +128,25 @@ def test_a_form_that_both_sets_share_is_off_in_both(monkeypatch, shared, sure):
         one.fit = SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, ())))
     top = rank(SimpleNamespace(judged=judged, base=judged[0]))[0]
     assert top.names == ("a@motor", "b@load") and (top.probability > SURE_OF_SETS) is sure
+
+
+@pytest.mark.parametrize(("scored", "rival", "stands"), [(213.0, True, True), (150.0, True, False), (213.0, False, False)])
+def test_what_explains_more_by_less_than_would_matter_stands_where_something_else_does(
+    monkeypatch, scored, rival, stands
+):
+    """Play of 133 nats that just matters is not named for a soft middle of 213 that does not; alone neither would be."""
+    base, play, soft = (
+        SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True), fit=None)
+        for names in ((), ("backlash@transmission",), ("stiffness-nonlinearity@transmission",))
+    )
+    scores = {id(base): 0.0, id(play): 133.0, id(soft): scored}
+    over = {id(play): STANDS if rival else FAILS, id(soft): SLIGHT}
+    monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
+    monkeypatch.setattr(adjudicate, "compare", lambda _, part, child: over[id(child)])
+    monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
+    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
+    monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
+    found = adjudicate.standing(
+        SimpleNamespace(objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, play, soft))
+    )
+    assert (soft in found) is stands and (play in found) is rival
