@@ -61,9 +61,9 @@ def folded_line(logs: Sequence[tuple[Vector, float]]) -> float:
 def _spectrum(samples: Vector, rate: float) -> tuple[Vector, Vector, Vector]:
     """Frequencies [Hz], power, and power over its median beside, from ``LOWEST`` to nearly half the rate."""
     x = detrend(bridged(np.asarray(samples, dtype=np.float64))) * np.hanning(samples.size)
-    power = np.square(np.abs(np.fft.rfft(x, PADDED * samples.size)))
-    f = np.fft.rfftfreq(PADDED * samples.size, 1.0 / rate)
-    beside = median_filter(power, 2 * BESIDE * PADDED + 1, mode="nearest")
+    power = np.asarray(np.square(np.abs(np.fft.rfft(x, PADDED * samples.size))), dtype=np.float64)
+    f = np.asarray(np.fft.rfftfreq(PADDED * samples.size, 1.0 / rate), dtype=np.float64)
+    beside = np.asarray(median_filter(power, 2 * BESIDE * PADDED + 1, mode="nearest"), dtype=np.float64)
     wanted = (f > LOWEST) & (f < 0.48 * rate)
     over = power / np.maximum(beside, 1e-12 * float(np.max(power, initial=0.0)) + 1e-300)
     return f[wanted], power[wanted], over[wanted]

@@ -67,6 +67,7 @@ _PAIRS: tuple[tuple[Names, Names, Names], ...] = (
     (("delay", "clock-drift", "drive-lag", "torque-logging", "sensor-resonance"),) * 2 + (("logging-rate",),),
     (("sensor-gain", "torque-gain", "payload"),) * 2 + (("mass",),),
     (("gravity",), ("sensor-tilt", "torque-gain"), ("posture",)),
+    (("sensor-tilt",), ("sensor-gain",), ("posture", "sensor-moved")),
     (
         ("link-flexibility", "base-compliance", "neighbour-flexibility"),
         ("sensor-resonance",),

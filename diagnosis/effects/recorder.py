@@ -257,6 +257,7 @@ SPECS: tuple[EffectSpec, ...] = (
         apply=_folding,
         scale=_own_rates,
         starts=_at_the_line,
+        holds=("torque_age",),
         possible=_needs_a_line,
         limits=_line_limits,
     ),

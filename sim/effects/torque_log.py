@@ -67,9 +67,9 @@ def unfolded(samples: Real, rate: float, line: float, age: float = 0.0) -> Real:
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     bent, of_waves = np.diff(u, 2), np.diff(waves, 2, axis=0)
     keep = np.ones(bent.size, dtype=np.bool_)
-    size = np.zeros(2)
+    size: Real = np.zeros(2)
     for _ in range(4):
-        size = np.linalg.lstsq(of_waves[keep], bent[keep], rcond=None)[0]
+        size = np.asarray(np.linalg.lstsq(of_waves[keep], bent[keep], rcond=None)[0], dtype=np.float64)
         left = np.abs(bent - of_waves @ size)
         keep = left <= 3.0 * float(np.median(left)) + 1e-300
     rest = u - waves @ size

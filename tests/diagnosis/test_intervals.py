@@ -79,7 +79,9 @@ def test_of_a_bend_the_size_is_asked_for_at_its_shape():
     where = SimpleNamespace(**vars(coordinates_of(spec)), n=len(names))
     rng = np.random.default_rng(1)
     jacobian = rng.standard_normal((400, len(names)))
-    jacobian[:, names.index("shape")] = jacobian[:, names.index("inertia")] * (1.0 + 1e-3 * rng.standard_normal(400))
+    jacobian[:, names.index("shape")] = jacobian[:, names.index("inertia")] * (
+        1.0 + 1e-3 * rng.standard_normal(400)
+    )
     fit = Fit(where, np.ones(len(names)), rng.standard_normal(400), jacobian, 1.0, True, True, 1)
     inertia = names.index("inertia")
     assert covariance(fit)[inertia, inertia] > 1e4 * covariance(_at_its_shape(fit))[inertia, inertia]

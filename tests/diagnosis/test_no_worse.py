@@ -63,7 +63,8 @@ def test_physics_outside_the_table_is_no_second_choice(problem, answered, monkey
         lambda judged: object() if judged.names == ("backlash@transmission",) else None,
     )
     worse, stranger = (
-        sized(problem, *effect) for effect in (("coulomb-friction", "load", 2.0), ("backlash", "transmission", 0.0))
+        sized(problem, *effect)
+        for effect in (("coulomb-friction", "load", 2.0), ("backlash", "transmission", 0.0))
     )
     assert answered(worse, stranger).verdict == "unknown"
 

@@ -24,7 +24,9 @@ def run(noise=0.1, moves=True):
     return SimpleNamespace(run=taken, motor_moves=moves, motor=SimpleNamespace(noise=noise))
 
 
-def answer(*, left=0.0, common=1e-6, weights=None, profiled=0, family="hysteretic", shown=("hammer",), claimed=0.0):
+def answer(
+    *, left=0.0, common=1e-6, weights=None, profiled=0, family="hysteretic", shown=("hammer",), claimed=0.0
+):
     spec = SimpleNamespace(run_weights=weights, profiled=profiled, family=family, revealed_by=shown)
     chosen = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,)))
     key = ("speed-motion", False, "linear-acceleration", "arm")
@@ -58,7 +60,10 @@ def test_nor_is_what_takes_would_share_visibly():
         (answer(weights=(0.0, 1.0)), (run(), run())),  # a payload is in some runs only
         (answer(profiled=1), (run(), run())),  # a vibration has another phase in each
         (answer(family="periodic"), (run(), run())),  # and a shaft's order, where takes start elsewhere
-        (answer(shown=("speed-motion",)), (run(), run())),  # the experiment is made to show it, and takes can't tell
+        (
+            answer(shown=("speed-motion",)),
+            (run(), run()),
+        ),  # the experiment is made to show it, and takes can't tell
         (answer(), (run(), run(moves=False))),  # a hit is driven by no log
         (answer(), (run(), run(noise=0.0))),  # a log without noise rings nothing
     ],

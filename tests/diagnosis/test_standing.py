@@ -130,7 +130,9 @@ def test_a_form_that_both_sets_share_is_off_in_both(monkeypatch, shared, sure):
     assert top.names == ("a@motor", "b@load") and (top.probability > SURE_OF_SETS) is sure
 
 
-@pytest.mark.parametrize(("scored", "rival", "stands"), [(213.0, True, True), (150.0, True, False), (213.0, False, False)])
+@pytest.mark.parametrize(
+    ("scored", "rival", "stands"), [(213.0, True, True), (150.0, True, False), (213.0, False, False)]
+)
 def test_what_explains_more_by_less_than_would_matter_stands_where_something_else_does(
     monkeypatch, scored, rival, stands
 ):
