@@ -385,11 +385,8 @@ def standing(judgement: Judgement) -> list[Judged]:
         elif parts:
             found.append(child)
     found.extend(_of_their_own(judgement, asked, max((score(judgement, j) for j in found), default=0.0)))
-    if (
-        found and small
-    ):  # what explains more by less than would matter is not given up for what explains less by more
-        least = max(score(judgement, j) for j in found) + MORE
-        found.extend(j for j in small if score(judgement, j) > least)
+    least = max((score(judgement, j) for j in found), default=math.inf) + MORE
+    found.extend(j for j in small if score(judgement, j) > least)  # not given up for what explains less by more
     return sorted(found, key=lambda j: -score(judgement, j))
 
 

@@ -273,7 +273,9 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
             found.setdefault((id(trial.spec), "moved"), ActiveEffect(trial.spec, moved))
         keys = [(p.name, p.unit) for p in trial.spec.parameters]
         if any(key in known for key in keys):
-            values = tuple(known.get(key, value) for key, value in zip(keys, trial.values, strict=True))
+            values = _as_play(known, keys) or tuple(
+                known.get(key, value) for key, value in zip(keys, trial.values, strict=True)
+            )
             ways = tuple(v for (name, _), v in zip(keys, trial.values, strict=True) if name == "direction")
             found.setdefault((id(trial.spec), ways), ActiveEffect(trial.spec, values))
             if trial.spec.family == "periodic" and trial.spec.name != leader.spec.name:
@@ -281,6 +283,14 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
                     turned = (*values[:2], turn, *values[3:])
                     found.setdefault((id(trial.spec), turn), ActiveEffect(trial.spec, turned))
     return list(found.values())
+
+
+def _as_play(known: Mapping[tuple[str, str], float], keys: Sequence[tuple[str, str]]) -> tuple[float, ...] | None:
+    """Gap, and what is left of the spring in it, that are a soft middle; ``None`` where either is not asked for or known."""
+    share = known.get(("soft_share", "1"))
+    if share is None or [name for name, _ in keys] != ["gap", "inside"]:
+        return None
+    return 2.0 * known["transition_angle", keys[0][1]], max(1.0 - share, 0.0)
 
 
 def _bristles_and_loop(known: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
