@@ -27,7 +27,6 @@ STRETCH = (
 )
 FORM = 0.02  # of the size of a law that nature knows in several forms
 FORM_OF_EXACT = 0.005  # and of a delay, a weight, a gain
-SHAPES = ("shape", "hit_shape", "sensor_shape", "elbow_radius")  # of a bend, by which its inertia is seen
 _PLACES = ("Hz", "rad/s")  # of a mode or a line: where it is does not depend on the form
 
 
@@ -97,13 +96,13 @@ def differs_from_nothing(objective: Objective, fit: Fit) -> bool:
 
 
 def _at_its_shape(fit: Fit) -> Fit:
-    """The fit as if the shapes of its bends were known."""
+    """The fit as if what scales the sizes of its effects were known."""
     where = fit.coordinates
     known = [
         i
         for spec, rows in zip(where.effects, where.effect_slices(), strict=True)
         for i, parameter in zip(range(rows.start, rows.stop), spec.parameters, strict=True)
-        if spec.name == "link-flexibility" and parameter.name in SHAPES
+        if parameter.scales_size
     ]
     if not known:
         return fit

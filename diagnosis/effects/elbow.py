@@ -86,8 +86,8 @@ ELBOW: EffectSpec = replace(
     variant="elbow",
     parameters=(
         *PLAIN.parameters[:3],
-        ParameterSpec("shape", "1", -40.0, 40.0),
-        ParameterSpec("elbow_radius", "m", 0.0, 1e3),
+        ParameterSpec("shape", "1", -40.0, 40.0, scales_size=True),
+        ParameterSpec("elbow_radius", "m", 0.0, 1e3, scales_size=True),
     ),
     law="the arm bends at an elbow; hammer and sensors follow by how far beyond it they are",
     apply=_apply,

@@ -219,7 +219,7 @@ _MODES = ("link-flexibility", "base-compliance", "neighbour-flexibility", "senso
 
 
 def _shape(name: str) -> ParameterSpec:
-    return ParameterSpec(name, "1", -8.0, 8.0)
+    return ParameterSpec(name, "1", -8.0, 8.0, scales_size=True)
 
 
 def _alike(name: str) -> tuple[str, ...]:

@@ -38,6 +38,7 @@ class ParameterSpec:
         log: Whether it is positive and spans decades.
         null: Value at which the effect vanishes; ``None`` for parameters that only shape it.
         fineness: Its finite-difference step relative to the usual one.
+        scales_size: Whether what is seen of the effect is its size times this, so that neither is known by itself.
     """
 
     name: str
@@ -47,6 +48,7 @@ class ParameterSpec:
     log: bool = False
     null: float | None = None
     fineness: float = 1.0
+    scales_size: bool = False
 
 
 Limits = Callable[["Problem"], "dict[str, tuple[float, float]]"]

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.acquisition import relogged
-from jointscope.diagnosis.effects import catalogue
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.folded import folded_line, without_line
+from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.sim.effects.torque_log import unfolded
 
@@ -60,7 +61,10 @@ def test_what_a_drive_holds_for_a_cycle_acts_half_of_it_later():
         assert np.std((restored - late)[inside]) < 0.25 * np.std((clean - late)[inside])
 
 
-def test_the_law_is_there_only_where_the_logs_have_the_line(bench, edited, problem):
+@pytest.fixture(scope="module")
+def struck(bench, edited):
+    """The bench with a ripple folded down in its logs."""
+
     def rippled(channel):
         if channel.quantity != "torque":
             return channel
@@ -69,7 +73,27 @@ def test_the_law_is_there_only_where_the_logs_have_the_line(bench, edited, probl
             channel, samples=channel.samples + 0.1 * np.std(channel.samples) * np.sin(2.0 * np.pi * RIPPLE * t)
         )
 
-    struck = prepare(replace(bench, runs=tuple(edited(run, rippled) for run in bench.runs)))
+    return prepare(replace(bench, runs=tuple(edited(run, rippled) for run in bench.runs)))
+
+
+def test_the_law_is_there_only_where_the_logs_have_the_line(struck, problem):
     [law] = [s for s in catalogue(struck) if s.variant == "folded" and s.possible(struck) is None]
     assert law.starts(struck)[0][0] == pytest.approx(LINE, abs=0.1)
     assert not [s for s in catalogue(problem) if s.variant == "folded" and s.possible(problem) is None]
+
+
+@pytest.mark.parametrize("acts", [False, True])
+def test_a_line_that_acts_is_not_taken_off(struck, problem, acts):
+    """What the arm did is foretold from the log as it stands where the ripple acts, and from the log without it elsewhere."""
+    law = next(s for s in catalogue(struck) if s.variant == "folded" and s.possible(struck) is None)
+    folds = ActiveEffect(law, (RATE, *law.starts(struck)[0]))
+    theta = struck.base.start
+    for logged, clean in zip(struck.runs, problem.runs, strict=True):
+        if logged.motor is None or not logged.motor_moves:
+            continue
+        was = predict_outputs(logged if acts else clean, theta, (), struck if acts else problem)
+        apart = [
+            sum(float(np.sum(np.square((y - x) / np.std(x)))) for x, y in zip(was, found, strict=True))
+            for found in (predict_outputs(logged, theta, effects, struck) for effects in ((), (folds,)))
+        ]
+        assert (apart[0] < 0.1 * apart[1]) if acts else (apart[1] < 0.1 * apart[0])
