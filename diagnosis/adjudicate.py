@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
+from jointscope.diagnosis.effects.spec import made_to_show
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.form import own_share
 from jointscope.diagnosis.gates import AS_FORETOLD, OWN_FORM, REAL, Comparison
@@ -339,10 +340,7 @@ def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judg
 def _revealed(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
     """Whether an effect that none of these experiments is made for gains more than what is left of another one does."""
     runs = (*judgement.objective.prepared, *judgement.held.prepared)
-    experiments = {run.run.experiment for run in runs}
-    if "free" in experiments:  # which may be anything
-        return True
-    hardly = {f"{s.name}@{s.location}" for s in child.hypothesis.specs if not experiments & set(s.revealed_by)}
+    hardly = {f"{s.name}@{s.location}" for s in child.hypothesis.specs if not made_to_show(s, runs)}
     without = [part for part in parts if hardly - set(part.names)]
     return not hardly or all(compare(judgement, part, child).gain > REAL_UNREVEALED for part in without)
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.adjudicate import Judgement
 from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.effects.spec import made_to_show
 from jointscope.diagnosis.problem import PreparedRun
 from jointscope.diagnosis.verdict import Decision
 
@@ -40,8 +41,7 @@ def with_what_repeats(judgement: Judgement, decision: Decision) -> Decision:
     telling = [block for block in blocks if block.key[2] in ACCELERATIONS] or list(blocks)
     told = telling != [] and all(math.isfinite(block.base_common) for block in telling)
     missed = any(block.claimed > TOLD * block.error for block in telling)
-    experiments = {run.run.experiment for run in runs}
-    hardly = any(not experiments & set(spec.revealed_by) for spec in decision.chosen.hypothesis.specs)
+    hardly = not all(made_to_show(spec, runs) for spec in decision.chosen.hypothesis.specs)
     if own or not told or not (missed or hardly) or decision.adequacy.base_left > 0.0:
         return decision
     return replace(

@@ -34,6 +34,7 @@ from jointscope.diagnosis.adjudicate import (
     Judgement,
 )
 from jointscope.diagnosis.base import representative
+from jointscope.diagnosis.effects.spec import made_to_show
 from jointscope.diagnosis.energies import Kind, by_experiment, energies_between
 from jointscope.diagnosis.gates import (
     CARRIES_OVER,
@@ -243,7 +244,6 @@ def _needed(nats: float) -> float:
 def clearance(yard: Yard, spec: EffectSpec, found: Seen) -> tuple[float, str]:
     """(the least of what shows over what the gates ask, what limits it: ``noise`` or ``materiality``)."""
     problem = yard.fitted.objective.problem
-    experiments = {run.run.experiment for run in problem.runs}
     asked = yard.asked
     if spec.family == "periodic":
         asked = max(asked, REAL_PICKED)
@@ -251,7 +251,7 @@ def clearance(yard: Yard, spec: EffectSpec, found: Seen) -> tuple[float, str]:
         asked = max(asked, REAL_PLACE)
     if spec.run_weights is not None:
         asked = max(asked, REAL_SORTED)
-    if "free" not in experiments and not experiments & set(spec.revealed_by):
+    if not made_to_show(spec, problem.runs):
         asked = max(asked, REAL_UNREVEALED)
     cost = 0.5 * len(spec.parameters) * math.log(max(yard.samples, 2)) + labelling_cost(spec)
     cost += PROFILED * yard.fitted.count * spec.profiled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -15,7 +15,7 @@ from jointscope.diagnosis.parameters import AGE
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.effects.lines import Residuals
-    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.problem import PreparedRun, Problem
 
 Location = Literal["motor", "transmission", "load", "base", "neighbour", "acquisition"]
 Family = Literal[
@@ -184,6 +184,12 @@ def needs_motor(problem: Problem) -> str | None:
     if any(run.motor_moves for run in problem.runs):
         return None
     return "the motor is held, absent or rigidly joined in every run"
+
+
+def made_to_show(spec: EffectSpec, runs: Iterable[PreparedRun]) -> bool:
+    """Whether one of the runs' experiments is made to show the effect; a free run may be anything."""
+    experiments = {run.run.experiment for run in runs}
+    return "free" in experiments or bool(experiments & set(spec.revealed_by))
 
 
 def needs_spring(problem: Problem) -> str | None:

@@ -19,8 +19,8 @@ class Answer:
     candidates: tuple = ()
 
 
-def run(noise=0.1, moves=True):
-    taken = SimpleNamespace(experiment="speed-motion")
+def run(noise=0.1, moves=True, experiment="speed-motion"):
+    taken = SimpleNamespace(experiment=experiment)
     return SimpleNamespace(run=taken, motor_moves=moves, motor=SimpleNamespace(noise=noise))
 
 
