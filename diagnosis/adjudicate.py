@@ -47,11 +47,11 @@ PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
 ASKED = 3  # sets that are asked what no other form of their parts could do
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
-
 MORE = 30.0  # nats by which one effect that is too small to matter must lead what stands
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
 UNREACHED_PLACE = 0.1  # the same of an effect of one place or level: the base, which moves too, foretells that
 APART = 2  # fitted runs that must each show what no held-out run can
+VOTES = 0.5  # nats that are foretold of a held-out run, below which it can't say whether it gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,10 +244,12 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     if child.held_out.size:
         held = heard(held, judgement.held.prepared, silent)
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
-        agreeing = float(np.mean(held > 0.0))
         lost = float(-np.sum(held[held < 0.0]))
         moved = _energy([p - c for p, c in zip(parent.left_held, child.left_held, strict=True)])
-        foretold = 0.5 * float(np.sum(moved)) / overdispersion
+        told = 0.5 * moved / overdispersion
+        foretold = float(np.sum(told))
+        voters = told > VOTES if np.any(told > VOTES) else np.ones(told.shape, dtype=bool)
+        agreeing = float(np.mean(held[voters] > 0.0))
         expected = _in_proportion(judgement, raw)
     gain = float(np.sum(raw)) - child.occam + parent.occam
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]

@@ -146,7 +146,7 @@ def evidence_text(comparison: Comparison, base: float, augmented: float, runs: i
     if runs and math.isfinite(base):
         text += (
             f" On {runs} held-out run{'s' if runs > 1 else ''}, predicted from inputs alone, the mean relative error goes "
-            f"from {base:.4f} to {augmented:.4f}; {100 * comparison.share_of_runs:.0f} % of these runs improve."
+            f"from {base:.4f} to {augmented:.4f}; {100 * comparison.share_of_runs:.0f} % of those that could show it improve."
         )
     return text
 

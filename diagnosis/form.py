@@ -4,7 +4,8 @@ A law of the right name and the wrong form leaves something, and something alway
 little of the evidence is not believed for its evidence alone. Here it is asked what of it the first ones' own places could
 have done instead. With w what the parent leaves, s what the child changes, both whitened, J the parent's columns and F
 those of every other law at the parent's places, small and medium, of its own names' other laws with its own numbers, and of
-forces without a name there (a sensor that bends every sample by itself has no form that lags),
+forces without a name there (a sensor that bends every sample by itself has no form that lags; a law that nature knows in
+one form only has none but those of its name),
 
     own = (s'P w)^2 / (s'P s) over the same with F left out, P = I - B B^+, B = [J, F]:
 
@@ -73,7 +74,7 @@ def _other_forms(objective: Objective, parent: Judged, child: Judged) -> list[tu
     """The parent with other laws at its places beside it but for what the child adds, and with forces without a name."""
     problem = objective.problem
     _, effects = parent.fit.coordinates.unpack(parent.fit.x)
-    places = {spec.location for spec in parent.hypothesis.specs}
+    places = {spec.location for spec in parent.hypothesis.specs if not spec.exact}
     added = set(child.names) - set(parent.names)
     found: list[ActiveEffect] = []
     plain = all(spec.memoryless for spec in parent.hypothesis.specs if spec.location == "acquisition")

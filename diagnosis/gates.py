@@ -55,7 +55,7 @@ class Comparison:
         expected_held: What the gain of each kind of fitted runs would make of it, sample for sample [nats].
         foretold_held: Half the squared distance of the two predictions of the held-out runs, whitened: what the gain
             there is on average if the child is true, and the loss if its parent is [nats].
-        share_of_runs: Held-out runs that gain.
+        share_of_runs: Held-out runs that gain, of those that could show it (of all where none could).
         lost: Nats of the held-out runs that lose, positive.
         material: Largest rms of what the child explains beyond the parent, over the signal's, of any channel [-].
         share: The same over what the child explains beyond the base, in that channel [-].

@@ -32,11 +32,15 @@ from jointscope.diagnosis.effects.spec import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
 
 SHORT = 0.02  # of the wind-up, over which friction builds up that is no hysteresis of a spring
+LONG = 3.0  # the same of a joint that turns
+SLIDING = 0.9  # of the longest, beyond which nothing slides
 SHORT_OF_FALLING = 0.05  # the same of friction that falls with speed, as no hysteresis does
 DAMPED = 0.2  # of sqrt(J/sigma_0), at which the search for sigma_1/sigma_0 begins
 SLOWEST_BRISTLES = 0.02  # s: sigma_1/sigma_0; in the literature it is milliseconds
@@ -146,10 +150,19 @@ def presliding_limits(sharp: EffectSpec, short: float = SHORT) -> Limits:
 
     def limits(problem: Problem) -> dict[str, tuple[float, float]]:
         wind_up = max(problem.scales.wind_up, 1e-9)
-        longest = short if held(problem) else 3.0
+        longest = short if held(problem) else LONG
         return {**sharp.limits(problem), "presliding": (1e-3 * wind_up, longest * wind_up)}
 
     return limits
+
+
+def slides(position: int) -> Callable[[Problem, Values], bool]:
+    """Whether friction whose ``position``-th value is its presliding slides at all: at the bound it is a soft spring."""
+
+    def within(problem: Problem, values: Values) -> bool:
+        return held(problem) or values[position] < SLIDING * LONG * max(problem.scales.wind_up, 1e-9)
+
+    return within
 
 
 def held(problem: Problem) -> bool:
@@ -201,6 +214,7 @@ def _presliding_coulomb(sharp: EffectSpec) -> EffectSpec:
         starts=presliding_angles,
         possible=elastic(sharp.location),
         limits=presliding_limits(sharp),
+        sensible_at=slides(len(sharp.parameters)),
     )
 
 
@@ -217,6 +231,7 @@ def _stribeck_on_bristles(sharp: EffectSpec) -> EffectSpec:
         ),
         possible=elastic(sharp.location),
         limits=presliding_limits(sharp, SHORT_OF_FALLING),
+        sensible_at=slides(len(sharp.parameters)),
     )
 
 

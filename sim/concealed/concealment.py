@@ -21,6 +21,7 @@ EASIEST, HARDEST = 100.0, 4.5  # z_d that is aimed at
 MATERIAL = 0.005
 PLAIN = 100.0  # z_d above which a case is trivial
 _TRIES = 3
+_PAIRS = 3  # tries of two effects
 AMBIGUOUS = (
     "neighbour-flexibility", "base-compliance", "link-flexibility", "delay", "drive-lag", "torque-gain", "sensor-gain",
     "structural-damping", "coulomb-friction", "stribeck-friction", "payload", "clock-drift",
@@ -218,7 +219,29 @@ def _direction(yard: Yardstick, bench: Bench, laws: Sequence[Law], share: float,
 def _pair(
     bench: Bench, yard: Yardstick, pool: Sequence[Law], target: float, rng: np.random.Generator
 ) -> tuple[tuple[Effect, ...], strength.Strength]:
-    """Two effects, in two cases out of three look-alikes of each other, each hard to do without."""
+    """Two effects, in two cases out of three look-alikes of each other, each hard to do without.
+
+    A pair of which either alone explains everything, once its shape and the base follow, is tried again.
+    """
+    best: tuple[tuple[Effect, ...], strength.Strength] | None = None
+    for _ in range(_PAIRS):
+        try:
+            chosen = _two(bench, yard, pool, target, rng)
+            measured = without_either(yard, bench, chosen)
+        except FloatingPointError:
+            continue
+        if best is None or _miss(measured, target) < _miss(best[1], target):
+            best = chosen, measured
+        if _fits(measured, target):
+            break
+    if best is None:
+        raise FloatingPointError("no two laws can be simulated together on this rig")
+    return best
+
+
+def _two(
+    bench: Bench, yard: Yardstick, pool: Sequence[Law], target: float, rng: np.random.Generator
+) -> tuple[Effect, ...]:
     labels = sorted({f"{law.effect}@{law.location}" for law in pool})
     first = labels[int(rng.integers(len(labels)))]
     alike = [label for label in catalogue.rivals(first) if label in labels]
@@ -231,6 +254,10 @@ def _pair(
         aim = target * float(np.exp(rng.uniform(0.3, 1.2)))
         effect, _, _ = scale_to(yard, bench, effect, strength.look(yard, (effect,)), {}, aim)
         chosen.append(effect)
-    against = {effect.label: strength.direction(yard, effect)[:, None] for effect in chosen}
-    sight = strength.look(yard, chosen)
-    return tuple(chosen), strength.graded(yard, strength.refitted_base(yard, sight), sight.record, against)
+    return tuple(chosen)
+
+
+def without_either(yard: Yardstick, bench: Bench, effects: Sequence[Effect]) -> strength.Strength:
+    """z of effects together, and as z_d what is left where only one of them is named, refitted in each of its laws."""
+    alone = {e.label: Rival(e, strength.direction(yard, e)[:, None]) for e in effects}
+    return _measured(yard, bench, strength.look(yard, effects), alone)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, catalogue, with_run_weights
 from jointscope.diagnosis.form import own_share
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.search import Hypothesis, names_of
@@ -77,6 +77,13 @@ def test_rounded_friction_where_friction_is_even_is_a_form_of_it(problem, asked)
 def test_drag_beside_friction_at_the_same_place_may_be_the_frictions_own_form(problem, asked):
     friction = at_size(law(problem, "coulomb-friction", "load", "plain"), problem, 1)
     assert asked(friction, at_size(law(problem, "quadratic-damping", "load"), problem, 0)) < 0.2
+
+
+def test_drag_beside_a_payload_is_no_form_of_the_payload(problem, asked):
+    """A mass is a mass: nature knows it in one form only, so what it leaves is something else."""
+    half = tuple(float(i % 2) for i in range(len(problem.runs)))
+    payload = at_size(with_run_weights(PAYLOADS[0], half, problem), problem, 1)
+    assert asked(payload, at_size(law(problem, "quadratic-damping", "load"), problem, 0)) > 0.6
 
 
 def test_a_hardening_beside_play_may_be_the_plays_own_form(problem, asked):

@@ -8,6 +8,7 @@ import pytest
 from jointscope.diagnosis.effects import at_rig, catalogue
 from jointscope.diagnosis.effects.hysteresis import SPECS as HYSTERESIS
 from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
+from jointscope.diagnosis.effects.standstill import COULOMB, STRIBECK
 
 
 @pytest.mark.parametrize("variant", ["piecewise", "piecewise-cubic"])
@@ -82,3 +83,27 @@ def test_a_gain_that_no_calibration_holds_is_no_fault(problem):
     for spec in specs:
         assert not spec.sensible((1.00014,)) and not spec.sensible((0.9995,))
         assert spec.sensible((1.003,)) and spec.sensible((0.98,))
+
+
+@pytest.mark.parametrize("name", ["coulomb-friction", "stribeck-friction"])
+@pytest.mark.parametrize("location", ["motor", "load"])
+def test_friction_that_builds_up_over_all_of_a_motion_is_a_spring(problem, name, location):
+    """A joint that turns slides; one that is held may stick over all of its travel."""
+    held = replace(problem, runs=tuple(replace(run, mode="braked") for run in problem.runs))
+    moved = replace(problem, runs=tuple(replace(run, mode="observer") for run in problem.runs))
+    laws = [
+        s
+        for s in (*COULOMB, *STRIBECK)
+        if s.name == name and s.location == location and "rounded" not in s.variant
+    ]
+    assert laws
+    for law in laws:
+        position = [p.name for p in law.parameters].index("presliding")
+
+        def at(angle, position=position, law=law):
+            values = [1.0, 1.5, 0.1 * problem.scales.speed][: len(law.parameters)] + [0.5] * len(law.parameters)
+            return (*values[:position], angle, *[0.0] * (len(law.parameters) - position - 1))
+
+        longest = 3.0 * problem.scales.wind_up
+        assert at_rig(law, moved).sensible(at(0.2 * longest)) and not at_rig(law, moved).sensible(at(longest))
+        assert at_rig(law, held).sensible(at(longest))
