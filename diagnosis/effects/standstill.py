@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 SHORT = 0.02  # of the wind-up, over which friction builds up that is no hysteresis of a spring
 LONG = 3.0  # the same of a joint that turns
-SLIDING = 0.9  # of the longest, beyond which nothing slides
+SLIDING = 1.0  # wind-ups, over which friction that slides at all is built up
 SHORT_OF_FALLING = 0.05  # the same of friction that falls with speed, as no hysteresis does
 DAMPED = 0.2  # of sqrt(J/sigma_0), at which the search for sigma_1/sigma_0 begins
 SLOWEST_BRISTLES = 0.02  # s: sigma_1/sigma_0; in the literature it is milliseconds
@@ -157,10 +157,10 @@ def presliding_limits(sharp: EffectSpec, short: float = SHORT) -> Limits:
 
 
 def slides(position: int) -> Callable[[Problem, Values], bool]:
-    """Whether friction whose ``position``-th value is its presliding slides at all: at the bound it is a soft spring."""
+    """Whether friction whose ``position``-th value is its presliding slides at all: built up over more, it is a soft spring."""
 
     def within(problem: Problem, values: Values) -> bool:
-        return held(problem) or values[position] < SLIDING * LONG * max(problem.scales.wind_up, 1e-9)
+        return held(problem) or values[position] < SLIDING * max(problem.scales.wind_up, 1e-9)
 
     return within
 

@@ -104,6 +104,8 @@ def test_friction_that_builds_up_over_all_of_a_motion_is_a_spring(problem, name,
             values = [1.0, 1.5, 0.1 * problem.scales.speed][: len(law.parameters)] + [0.5] * len(law.parameters)
             return (*values[:position], angle, *[0.0] * (len(law.parameters) - position - 1))
 
-        longest = 3.0 * problem.scales.wind_up
-        assert at_rig(law, moved).sensible(at(0.2 * longest)) and not at_rig(law, moved).sensible(at(longest))
-        assert at_rig(law, held).sensible(at(longest))
+        wind_up = problem.scales.wind_up
+        assert at_rig(law, moved).sensible(at(0.5 * wind_up)) and not at_rig(law, moved).sensible(
+            at(2.0 * wind_up)
+        )
+        assert at_rig(law, held).sensible(at(2.0 * wind_up))
