@@ -64,9 +64,26 @@ def calibration_error(probabilities: Real, right: NDArray[np.bool_], bins: int =
     fewer cases, at least ten cases each)."""
     if probabilities.size == 0:
         return math.nan
-    order = np.argsort(probabilities, kind="stable")
-    groups = np.array_split(order, max(1, min(bins, probabilities.size // 10)))
+    groups = _equal_mass(probabilities, bins)
     return float(sum(g.size * abs(right[g].mean() - probabilities[g].mean()) for g in groups) / probabilities.size)
+
+
+def calibration_by_chance(probabilities: Real, bins: int = 15) -> float:
+    """What :func:`calibration_error` is on average where every probability is true: so few cases scatter by themselves.
+
+    The sum over bins of E|x| = sqrt(2/pi) sigma, sigma^2 = sum p (1 - p), over the number of cases.
+    """
+    if probabilities.size == 0:
+        return math.nan
+    spreads = [
+        float(np.sum(probabilities[g] * (1.0 - probabilities[g]))) for g in _equal_mass(probabilities, bins)
+    ]
+    return math.sqrt(2.0 / math.pi) * sum(math.sqrt(s) for s in spreads) / probabilities.size
+
+
+def _equal_mass(probabilities: Real, bins: int) -> list[NDArray[np.intp]]:
+    order = np.argsort(probabilities, kind="stable")
+    return np.array_split(order, max(1, min(bins, probabilities.size // 10)))
 
 
 def reliability(judged: Sequence[Judged], bins: int = 8) -> list[dict[str, float]]:

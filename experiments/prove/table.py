@@ -13,6 +13,7 @@ from jointscope.experiments.prove.judging import Judged, family
 from jointscope.experiments.prove.measures import (
     GRADED,
     Share,
+    calibration_by_chance,
     calibration_error,
     nulls,
     share_of,
@@ -161,6 +162,8 @@ def _numbers(judged: Sequence[Judged]) -> list[Measure]:
         Measure("median error of the main parameter: medium", _median(errors), "%", len(errors), 0.08, 0.05,
                 upward=False),
         Measure("calibration error of the stated probability", ece, "1", len(stated), 0.07, 0.04, upward=False),
+        Measure("calibration error that true probabilities would have on so few cases", calibration_by_chance(probability),
+                "1", len(stated), None, None, upward=False),
         Measure("Brier score of the stated probability", brier, "1", len(stated), None, None, upward=False),
         Measure("wall time per campaign: median", _median(times), "s", len(times), 40.0, 20.0, upward=False),
         Measure("wall time per campaign: worst", max(times, default=math.nan), "s", len(times), 120.0, 60.0,

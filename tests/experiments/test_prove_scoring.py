@@ -130,6 +130,14 @@ def test_calibration_error_of_a_calibrated_forecaster_goes_to_zero():
     assert measures.calibration_error(np.full(2000, 0.9), rng.random(2000) < 0.6) == pytest.approx(0.3, abs=0.04)
 
 
+@pytest.mark.parametrize("cases", [40, 60, 250])
+def test_so_few_true_probabilities_scatter_by_what_is_said(cases):
+    rng = np.random.default_rng(5)
+    p = rng.uniform(0.4, 0.95, cases)
+    found = np.mean([measures.calibration_error(p, rng.random(cases) < p) for _ in range(400)])
+    assert measures.calibration_by_chance(p) == pytest.approx(found, rel=0.05)
+
+
 def test_below_visibility_none_is_right_too():
     """z < 4: an effect that nothing could see counts as none."""
     asked = truth(z_d=2.0)
