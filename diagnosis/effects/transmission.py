@@ -365,7 +365,7 @@ DRIFT_PER_RUN = EffectSpec(
     variant="per-run",
     family="stiffness",
     parameters=(ParameterSpec("rate", "per run", -0.2, 0.2, null=0.0),),
-    law="K (1 + rate k) in the k-th run",
+    law="K (1 + rate k) in the k-th run, softest first: no recording says which came first",
     revealed_by=("hammer",),
     look_alikes=("stiffness-nonlinearity", "payload"),
     apply=_drift_per_run,

@@ -184,6 +184,10 @@ def _parameter(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> tuple[
         true = known["parameters"][known["main"]]
         if not said or not isinstance(said.get("value"), (int, float)) or true == 0.0:
             continue
+        if (
+            said.get("unit") == "per run"
+        ):  # no recording says which run came first, so the sign is nobody's to know
+            true = math.copysign(true, said["value"])
         interval = said.get("interval95")
         inside = _inside(said["value"], interval, true) if interval and None not in interval else None
         if known["main"] == "gain":  # how far off the gain is matters, not the 1 it starts from

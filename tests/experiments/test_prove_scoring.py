@@ -59,6 +59,18 @@ def test_a_right_answer_is_right_in_every_respect():
     assert judged.worse is False
 
 
+@pytest.mark.parametrize(("unit", "error", "covered"), [("per run", 0.1, True), ("1/s", 2.1, False)])
+def test_which_way_a_joint_drifts_from_run_to_run_is_nobodys_to_know(unit, error, covered):
+    """No recording says which run came first; within a run time does."""
+    drift = {**EFFECT, "effect": "stiffness-drift", "main": "rate", "parameters": {"rate": -0.002}}
+    said = answer(effects=(("stiffness-drift", "transmission"),))
+    said.diagnosis["effects"][0]["parameters"] = {
+        "rate": {"value": 0.0022, "unit": unit, "interval95": [0.0018, 0.0026]}
+    }
+    judged = judge(truth(effects=(drift,)), said)
+    assert judged.exact and judged.error == pytest.approx(error) and judged.covered is covered
+
+
 @pytest.mark.parametrize("status", ["crashed", "timed-out"])
 @pytest.mark.parametrize("kind", ["null", "single", "unlisted"])
 def test_crashes_and_time_outs_are_wrong(status, kind):
