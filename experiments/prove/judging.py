@@ -184,9 +184,7 @@ def _parameter(diagnosis: Mapping[str, Any], truth: Mapping[str, Any]) -> tuple[
         true = known["parameters"][known["main"]]
         if not said or not isinstance(said.get("value"), (int, float)) or true == 0.0:
             continue
-        if (
-            said.get("unit") == "per run"
-        ):  # no recording says which run came first, so the sign is nobody's to know
+        if said.get("unit") == "per run":  # its sign is nobody's to know: no recording says which run came first
             true = math.copysign(true, said["value"])
         interval = said.get("interval95")
         inside = _inside(said["value"], interval, true) if interval and None not in interval else None
