@@ -240,7 +240,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion
     followed = {kind: energy for kind, energy in judgement.echo.energies.items() if str(kind[0]) in silent}
     material, share, rest = improvement(judgement.base.energies, parent.energies, child.energies, followed)
-    held_gain, expected, foretold, agreeing, lost = math.nan, math.nan, math.nan, math.nan, math.nan
+    held_gain, expected, foretold, agreeing, lost, votes = math.nan, math.nan, math.nan, math.nan, math.nan, 0
     if child.held_out.size:
         held = heard(held, judgement.held.prepared, silent)
         held_gain = float(np.sum(held)) - child.occam_held + parent.occam_held
@@ -249,7 +249,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         told = 0.5 * moved / overdispersion
         foretold = float(np.sum(told))
         voters = told > VOTES if np.any(told > VOTES) else np.ones(told.shape, dtype=bool)
-        agreeing = float(np.mean(held[voters] > 0.0))
+        agreeing, votes = float(np.mean(held[voters] > 0.0)), int(np.sum(voters))
         expected = _in_proportion(judgement, raw)
     gain = float(np.sum(raw)) - child.occam + parent.occam
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]
@@ -262,6 +262,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         expected_held=expected,
         foretold_held=foretold,
         share_of_runs=agreeing,
+        votes=votes,
         lost=lost,
         material=material,
         share=share,
@@ -372,9 +373,7 @@ def standing(judgement: Judgement) -> list[Judged]:
             continue
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue
-        seen_by_all = len(judgement.held.runs) >= WITNESSES and all(
-            c.evident and c.share_of_runs == 1.0 for c in over
-        )
+        seen_by_all = all(c.votes >= WITNESSES and c.evident and c.share_of_runs == 1.0 for c in over)
         if not seen_by_all and not differs_from_nothing(judgement.objective, child.fit):
             continue  # of an amplitude that its own shape can undo an interval says nothing
         weak = [part for part, c in zip(parts, over, strict=True) if not c.stands]

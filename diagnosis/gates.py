@@ -56,6 +56,7 @@ class Comparison:
         foretold_held: Half the squared distance of the two predictions of the held-out runs, whitened: what the gain
             there is on average if the child is true, and the loss if its parent is [nats].
         share_of_runs: Held-out runs that gain, of those that could show it (of all where none could).
+        votes: How many those are.
         lost: Nats of the held-out runs that lose, positive.
         material: Largest rms of what the child explains beyond the parent, over the signal's, of any channel [-].
         share: The same over what the child explains beyond the base, in that channel [-].
@@ -84,6 +85,7 @@ class Comparison:
     rest: float = 0.0
     exact: bool = False
     from_outside: bool = False
+    votes: int = 0
 
     @property
     def real(self) -> bool:

@@ -99,13 +99,8 @@ def test_friction_that_builds_up_over_all_of_a_motion_is_a_spring(problem, name,
     assert laws
     for law in laws:
         position = [p.name for p in law.parameters].index("presliding")
-
-        def at(angle, position=position, law=law):
-            values = [1.0, 1.5, 0.1 * problem.scales.speed][: len(law.parameters)] + [0.5] * len(law.parameters)
-            return (*values[:position], angle, *[0.0] * (len(law.parameters) - position - 1))
-
-        wind_up = problem.scales.wind_up
-        assert at_rig(law, moved).sensible(at(0.5 * wind_up)) and not at_rig(law, moved).sensible(
-            at(2.0 * wind_up)
-        )
-        assert at_rig(law, held).sensible(at(2.0 * wind_up))
+        before = (1.0, 1.5, 0.1 * problem.scales.speed)[:position]
+        after = (0.0,) * (len(law.parameters) - position - 1)
+        short, long = ((*before, wind_ups * problem.scales.wind_up, *after) for wind_ups in (0.5, 2.0))
+        assert at_rig(law, moved).sensible(short) and not at_rig(law, moved).sensible(long)
+        assert at_rig(law, held).sensible(long)

@@ -10,10 +10,10 @@ from jointscope.diagnosis import adjudicate, verdict
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.verdict import SURE_OF_SETS, rank
 
-STANDS = SimpleNamespace(gain=200.0, stands=True, beside=False, stands_but_for_size=True)
-FAILS = SimpleNamespace(gain=0.0, stands=False, beside=False, stands_but_for_size=False)
-BESIDE = SimpleNamespace(gain=200.0, stands=False, beside=True, stands_but_for_size=False)
-SLIGHT = SimpleNamespace(gain=200.0, stands=False, beside=False, stands_but_for_size=True)
+STANDS = SimpleNamespace(votes=0, gain=200.0, stands=True, beside=False, stands_but_for_size=True)
+FAILS = SimpleNamespace(votes=0, gain=0.0, stands=False, beside=False, stands_but_for_size=False)
+BESIDE = SimpleNamespace(votes=0, gain=200.0, stands=False, beside=True, stands_but_for_size=False)
+SLIGHT = SimpleNamespace(votes=0, gain=200.0, stands=False, beside=False, stands_but_for_size=True)
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,6 @@ def test_what_only_fitted_runs_can_show_takes_two_of_them(builders, recorded, sw
 
 def test_hits_that_cannot_show_friction_of_the_motor_have_no_vote(builders, recorded):
     """The base's parameters move a little with it, and what the hits lose or gain by that says nothing."""
-    against = judged(builders, recorded, 4, 0.03, held_sweeps=1)
-    assert against.foretold_held > 20.0 and against.stands
-    assert against.share_of_runs == 1.0
+    against = judged(builders, recorded, 4, 0.002, held_sweeps=1)
+    assert against.foretold_held > 5.0
+    assert against.votes == 1 and against.share_of_runs == 1.0  # of three held-out runs
