@@ -1,4 +1,4 @@
-"""Where the base leaves much: modes fitted from where most is left beside the joint's own resonance.
+"""Where much is left: modes fitted from where most is left beside the joint's own resonance.
 
 To first order in a small amplitude a mode near the joint's own resonance explains most of any mismatch there, and one
 elsewhere only what its start's shape has the right sign for. But a search from the right frequency finds the shape. So of
@@ -23,24 +23,27 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
     from jointscope.diagnosis.refit import Fit
 
-MUCH = 0.1  # of the data's rms, left by the base in the median channel
+MUCH = 0.1  # of the data's rms, left in the median channel
 NEAR = math.log(1.1)  # of a peak, within which a law must have a start
 TRIED = 4  # peaks
 BAND = (0.6, 8.0)  # times the joint's resonance
 
 
 def modes_apart(
-    objective: Objective, base: Fit, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
+    objective: Objective, parent: Hypothesis, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
 ) -> list[Hypothesis]:
-    """The best fit of each name's first law of a mode from the highest peaks; none where the base is near the data.
+    """The best fit of each name's first law of a mode from the highest peaks; none where the parent is near the data.
 
     Args:
+        parent: The base, or a set that has no mode yet.
         candidates: Trials of every law.
-        left: What the base leaves of all runs of the problem.
+        left: What the parent leaves.
     """
+    if any(spec.family == "mode" for spec in parent.specs):
+        return []
     laws = _first_laws(candidates)
-    theta, _ = base.coordinates.unpack(base.x)
-    if not laws or relative_misfit(objective.prepared, objective.predictions(theta, ())) < MUCH:
+    theta, effects = parent.fit.coordinates.unpack(parent.fit.x)
+    if not laws or relative_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
         return []
     low, high = (factor * objective.problem.scales.frequency for factor in BAND)
     peaks = spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False)
@@ -50,11 +53,11 @@ def modes_apart(
         for peak in peaks:
             near = min(trials, key=lambda a: (abs(math.log(a.values[0] / peak)), -a.values[a.spec.amplitude]))
             if abs(math.log(near.values[0] / peak)) < NEAR:
-                fits.append(fit_child(objective, base, [near], effort))
+                fits.append(fit_child(objective, parent.fit, [near], effort))
         reached = [fit for fit in fits if fit is not None]
         if reached:
             best = _to_its_end(objective, min(reached, key=lambda fit: fit.chi2))
-            found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
+            found.append(Hypothesis((*parent.specs, trials[0].spec), best, profile_loss(objective, best.w)))
     return found
 
 

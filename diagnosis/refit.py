@@ -278,14 +278,23 @@ def unspent(fit: Fit) -> Matrix:
 
 
 def covariance(fit: Fit, overdispersion: float = 1.0) -> Matrix:
-    """Covariance of the coordinates, c^2 (J'J)^-1, shape (n, n); coordinates the data do not see get infinity."""
-    normal = fit.jacobian.T @ fit.jacobian
+    """Covariance of the coordinates, (J'J/c^2 + B)^-1, shape (n, n); coordinates the data do not see get infinity.
+
+    B is what their bounds say of the base's own parameters: of one that is anywhere in a range of width b, 12/b^2. A
+    torque's offset that no posture tells from the arm's weight is known by that alone.
+    """
+    normal = fit.jacobian.T @ fit.jacobian / overdispersion
     size = np.sqrt(np.diag(normal))
     seen = size > 1e-100
+    width = (fit.coordinates.upper - fit.coordinates.lower)[: fit.coordinates.n_base]
+    of_bounds = np.zeros(len(size))
+    of_bounds[: len(width)][width > 0.0] = 12.0 / width[width > 0.0] ** 2
+    normal[np.diag_indices_from(normal)] += of_bounds
     result = np.full(normal.shape, 0.0)
     result[np.diag_indices_from(result)] = np.inf
     if np.any(seen):
+        size = np.sqrt(np.diag(normal))
         scaled = normal[np.ix_(seen, seen)] / np.outer(size[seen], size[seen])
         inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
-        result[np.ix_(seen, seen)] = overdispersion * inverse / np.outer(size[seen], size[seen])
+        result[np.ix_(seen, seen)] = inverse / np.outer(size[seen], size[seen])
     return result

@@ -241,7 +241,7 @@ _LEVERED: tuple[tuple[tuple[str, Location], str, ParameterSpec, str, Apply, floa
     (
         ("base-compliance", "base"),
         "sliding-mount",
-        ParameterSpec("percussion_radius", "m", 1e-3, 1e3, log=True),
+        ParameterSpec("percussion_radius", "m", 1e-3, 1e3, log=True, scales_size=True),
         "the mount slides under force and reaction",
         _sliding,
         1.0,

@@ -22,6 +22,10 @@ MATERIAL = 0.005
 PLAIN = 100.0  # z_d above which a case is trivial
 _TRIES = 3
 _PAIRS = 3  # tries of two effects
+_CARRIERS = {  # a mount and a neighbour under it: each is built, and sags, as if it carried the arm alone
+    "base-compliance@base",
+    "neighbour-flexibility@neighbour",
+}
 AMBIGUOUS = (
     "neighbour-flexibility", "base-compliance", "link-flexibility", "delay", "drive-lag", "torque-gain", "sensor-gain",
     "structural-damping", "coulomb-friction", "stribeck-friction", "payload", "clock-drift",
@@ -239,13 +243,19 @@ def _pair(
     return best
 
 
+def _partners(first: str, labels: Sequence[str]) -> list[str]:
+    """Those of ``labels`` that may be concealed beside ``first``."""
+    return [label for label in labels if label != first and {first, label} != _CARRIERS]
+
+
 def _two(
     bench: Bench, yard: Yardstick, pool: Sequence[Law], target: float, rng: np.random.Generator
 ) -> tuple[Effect, ...]:
     labels = sorted({f"{law.effect}@{law.location}" for law in pool})
     first = labels[int(rng.integers(len(labels)))]
-    alike = [label for label in catalogue.rivals(first) if label in labels]
-    others = alike if alike and rng.random() < 0.66 else [label for label in labels if label != first]
+    beside = _partners(first, labels)
+    alike = [label for label in catalogue.rivals(first) if label in beside]
+    others = alike if alike and rng.random() < 0.66 else beside
     second = others[int(rng.integers(len(others)))]
     chosen: list[Effect] = []
     for label in (first, second):

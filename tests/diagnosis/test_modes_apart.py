@@ -7,7 +7,7 @@ from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.refit import least_squares
-from jointscope.diagnosis.search import Effort
+from jointscope.diagnosis.search import Effort, Hypothesis
 
 NAME = "link-flexibility"
 
@@ -26,7 +26,8 @@ def tried(problem, fitted, effects):
     theta, _ = base.coordinates.unpack(base.x)
     left = residuals_of(objective, objective.predictions(theta, ()))
     laws = tuple(s for s in catalogue(problem) if s.family == "mode" and s.possible(problem) is None)
-    return base, modes_apart(objective, base, candidates_for(problem, laws, left), left, Effort())
+    parent = Hypothesis((), base, 0.0)
+    return base, modes_apart(objective, parent, candidates_for(problem, laws, left), left, Effort())
 
 
 @pytest.mark.parametrize("shape", [1.0, 1.5])

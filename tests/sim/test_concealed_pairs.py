@@ -57,3 +57,11 @@ def test_its_distance_is_what_the_better_of_the_two_leaves_when_it_is_refitted(
     effects = cast(Any, [SimpleNamespace(label=label) for label in directions])
     measured = concealment.without_either(ANY, ANY, effects)
     assert measured.z == pytest.approx(50.0) and measured.z_d == pytest.approx(left)
+
+
+def test_a_mount_is_not_put_under_a_neighbour() -> None:
+    """Each is built as if it carried the arm alone: one upon the other never came to rest, at a frequency of neither."""
+    labels = ["backlash@transmission", "base-compliance@base", "neighbour-flexibility@neighbour"]
+    assert concealment._partners("base-compliance@base", labels) == ["backlash@transmission"]
+    assert concealment._partners("neighbour-flexibility@neighbour", labels) == ["backlash@transmission"]
+    assert concealment._partners("backlash@transmission", labels) == labels[1:]
