@@ -23,8 +23,9 @@ def coordinates_of(*specs):
     edges = np.cumsum([0, *(len(s.parameters) for s in specs)])
     rows = tuple(slice(int(a), int(b)) for a, b in pairwise(edges))
     return SimpleNamespace(
-        effects=specs, effect_slices=lambda: rows, logarithm=logs, scale=np.full(len(logs), 2.0)
-    )
+        effects=specs, effect_slices=lambda: rows, logarithm=logs, scale=np.full(len(logs), 2.0),
+        n_base=0, lower=np.full(len(logs), -np.inf), upper=np.full(len(logs), np.inf),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -85,3 +86,17 @@ def test_of_a_bend_the_size_is_asked_for_at_its_shape():
     fit = Fit(where, np.ones(len(names)), rng.standard_normal(400), jacobian, 1.0, True, True, 1)
     inertia = names.index("inertia")
     assert covariance(fit)[inertia, inertia] > 1e4 * covariance(_at_its_shape(fit))[inertia, inertia]
+
+
+@pytest.mark.parametrize("width", [0.1, 3.0])
+def test_what_the_data_see_one_way_only_is_known_by_the_bounds_of_the_bases_own(width):
+    """An offset within its bounds and a weight act alike: the weight's variance is the range's, b^2/12, and the data's."""
+    column = np.full(100, 0.7)
+    where = SimpleNamespace(
+        n=2, n_base=1, lower=np.array([-width / 2, -np.inf]), upper=np.array([width / 2, np.inf])
+    )
+    fit = Fit(where, np.zeros(2), np.zeros(100), np.stack([column, column], axis=1), 1.0, True, True, 1)
+    found = covariance(fit, 2.0)
+    assert found[0, 0] == pytest.approx(width**2 / 12.0)
+    assert found[1, 1] == pytest.approx(width**2 / 12.0 + 2.0 / (column @ column))
+    assert found[0, 1] == pytest.approx(-(width**2) / 12.0)
