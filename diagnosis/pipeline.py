@@ -29,6 +29,7 @@ from jointscope.diagnosis.search import Effort, Screening
 from jointscope.diagnosis.seen_weight import as_seen
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
+from jointscope.diagnosis.turning import repeating
 from jointscope.diagnosis.verdict import (
     Decision,
     decide,
@@ -62,7 +63,7 @@ class Diagnosis:
         black_box: The best of them fitted: what flexibility alone buys.
         suggestion: The recording to make next, where one is needed.
         not_seen: Effects that were not found, and the size that would have shown.
-        remainder: What the chosen model leaves that still follows the input, per kind of channel.
+        remainder: What the chosen model leaves that still follows the input, or repeats with the turn, per kind of channel.
         changes: How far the size of named effects moves within runs.
     """
 
@@ -124,13 +125,14 @@ def diagnose(
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
-    left = remainders(judgement, decision.chosen)
+    following = remainders(judgement, decision.chosen)
+    left = (*following, *repeating(judgement, decision.chosen))
     changing: tuple[Change, ...] = ()
     decision = with_remainder(decision, left)
     if decision.verdict == "effects":
         changing = changes(judgement, decision.chosen)
-        at_base = remainders(judgement, judgement.base) if any(r.stands for r in left) else ()
-        decision = with_followed_input(decision, left, at_base)
+        at_base = remainders(judgement, judgement.base) if any(r.stands for r in following) else ()
+        decision = with_followed_input(decision, following, at_base)
         decision = with_changes(decision, changing)
     report("locating what is left without a name")
     where = places(judgement, judgement.base)

@@ -42,6 +42,7 @@ class Remainder:
         held_gain, foretold: On the held-out runs, found and due if true [nats].
         material: RMS of what is explained over the signal's [-].
         echo: The same of what the white noise of a torque log makes the model do; 0 where no log drives it.
+        order: Periods per turn of the joint output, where it is what repeats with the turn and not what follows the input.
     """
 
     key: Key
@@ -50,6 +51,7 @@ class Remainder:
     foretold: float
     material: float
     echo: float = 0.0
+    order: float | None = None
 
     @property
     def stands(self) -> bool:
@@ -149,14 +151,20 @@ def _echo(judgement: Judgement, key: Key, signal: float) -> float:
     return math.sqrt(energy / signal) if signal > 0.0 else 0.0
 
 
+def _what(left: Remainder) -> str:
+    if left.order is None:
+        return "follows the input"
+    return f"repeats {left.order:.4g} times per turn of the joint"
+
+
 def remainder_json(left: Sequence[Remainder]) -> list[dict[str, Any]]:
-    """``remainder`` of diagnosis.json: the kinds of channel whose residual still follows the input."""
+    """``remainder`` of diagnosis.json: the kinds of channel whose residual still follows the input or repeats with the turn."""
     return [
         {
             "experiment": r.key[0], "channel": f"{r.key[2]}@{r.key[3]}", "gain_nats": round(r.gain, 1),
             "held_out_gain_nats": round(r.held_gain, 1), "share_of_signal": round(r.material, 5),
-            "sentence": f"{r.key[0]}, {r.key[2]} of the {r.key[3]}: {100.0 * r.material:.2g} % of the signal still follows "
-            "the input, in runs that were not fitted too",
+            "sentence": f"{r.key[0]}, {r.key[2]} of the {r.key[3]}: {100.0 * r.material:.2g} % of the signal still "
+            f"{_what(r)}, in runs that were not fitted too",
         }
         for r in left
         if r.stands

@@ -203,6 +203,7 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
         found = rivals(arena.objective, arena.base.fit, leader, candidates, _losses(arena), effort)
         found.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
         found.extend(reshaped(arena.objective, arena.base.fit, leader, candidates, arena.hypotheses, effort))
+        found.extend(contained(arena.objective, arena.base.fit, leader, candidates, _losses(arena), effort))
         if not found:
             break
         arena = settled(arena, found, effort)

@@ -1,0 +1,166 @@
+r"""Whether what a model leaves repeats with the turn of the joint: a test of every order that needs no candidate.
+
+An encoder's grating, a gear, a cable or a magnet that no law of the catalogue has repeats with the angle, a s order after
+order, and the noise of a channel does not. Per kind of channel the whitened residual w of the fitted runs is regressed on
+
+    A cos(o q) + B sin(o q)
+
+whitened alike, with q the recorded angle at the joint output, at every order o per turn of the output that the run
+resolves and the channel's rate can follow. The best order, its amplitude and its phase are then held against the runs that
+were not fitted: a line that is fixed in time, or noise, has another phase there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from jointscope.diagnosis.noise import Key, block_key, dynamic_level
+from jointscope.diagnosis.remainder import Remainder
+from jointscope.recordings.campaign import FORCES
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.adjudicate import Judged, Judgement
+    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.prepare import PreparedRun
+
+Vector = NDArray[np.float64]
+
+TRAVEL = 0.1  # rad at the output that a run must turn through
+HIGHEST = 0.2  # of a channel's rate, up to which a line may rise at the run's rms speed
+ORDERS = 400  # tried at most
+FEWEST = 2.0  # periods of a line within the shortest travel
+PARAMETERS = 3  # amplitude, phase, and order
+
+
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """A run that turns, with what a model leaves of it.
+
+    Attributes:
+        index: Of the run in its objective.
+        w: Whitened residual of the whole run, shape (n,).
+        angles: Angle at the joint output at the samples of each of the run's outputs [rad].
+        wanted: Whether each output is of the kind that is asked.
+    """
+
+    objective: Objective
+    index: int
+    w: Vector
+    angles: tuple[Vector, ...]
+    wanted: tuple[bool, ...]
+
+    def columns(self, order: float) -> NDArray[np.float64]:
+        """cos and sin of the order in the outputs of that kind, whitened, the others silent, shape (n, 2)."""
+        arrays = [
+            np.stack([np.cos(order * q), np.sin(order * q)], axis=1) * float(wanted)
+            for q, wanted in zip(self.angles, self.wanted, strict=True)
+        ]
+        return np.asarray(self.objective.whiteners[self.index](arrays), dtype=np.float64)
+
+
+def angle_of(run: PreparedRun) -> Vector | None:
+    """Recorded angle at the joint output at the grid's half steps [rad]; ``None`` where none was recorded."""
+    if run.observed is None or run.observed.commanded:
+        return None
+    if not run.observed.rate_signal:
+        return run.observed_half
+    return np.asarray(cumulative_trapezoid(run.observed_half, dx=0.5 / run.grid_rate, initial=0.0))
+
+
+def _turned(objective: Objective, judged: Judged, key: Key, held: bool) -> list[_Turned]:
+    predictions = judged.predictions_held if held else judged.predictions
+    found = []
+    for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
+        wanted = tuple(block_key(run, output) == key for output in run.outputs)
+        angle = angle_of(run) if any(wanted) else None
+        if angle is None or np.ptp(angle) < TRAVEL:
+            continue
+        half = run.t0 + np.arange(len(angle)) / (2.0 * run.grid_rate)
+        angles = tuple(np.interp(output.times, half, angle) for output in run.outputs)
+        found.append(_Turned(objective, i, objective.whiten_run(i, predicted), angles, wanted))
+    return found
+
+
+def _orders(runs: list[_Turned]) -> Vector:
+    """Orders per turn of the output that every run resolves and every channel follows."""
+    travels, tops = [], []
+    for run in runs:
+        prepared = run.objective.prepared[run.index]
+        for output, q, wanted in zip(prepared.outputs, run.angles, run.wanted, strict=True):
+            if wanted:
+                speed = math.sqrt(float(np.mean(np.square(np.gradient(q) * output.rate))))
+                travels.append(float(np.ptp(q)))
+                tops.append(2.0 * math.pi * HIGHEST * output.rate / max(speed, 1e-12))
+    step = math.pi / max(travels)
+    lowest = 2.0 * math.pi * FEWEST / min(travels)
+    count = min(ORDERS, int((min(tops) - lowest) / step))
+    return np.asarray(lowest + step * np.arange(max(count, 0)), dtype=np.float64)
+
+
+def _fitted(runs: list[_Turned], order: float) -> tuple[float, Vector]:
+    """w'w that the order explains in all runs together, and its two amplitudes."""
+    normal, right = np.zeros((2, 2)), np.zeros(2)
+    for run in runs:
+        columns = run.columns(order)
+        normal += columns.T @ columns
+        right += columns.T @ run.w
+    if np.trace(normal) <= 0.0:
+        return 0.0, np.zeros(2)
+    step = np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], dtype=np.float64)
+    return float(right @ step), step
+
+
+def _best(objective: Objective, runs: list[_Turned], orders: Vector) -> float:
+    gains = objective.map(lambda order: _fitted(runs, order)[0], [float(o) for o in orders])
+    return float(orders[int(np.argmax(gains))])
+
+
+def repeating(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
+    """The best order of every kind of channel that was fitted and held out in runs that turn."""
+    objective, held = judgement.objective, judgement.held
+    keys = dict.fromkeys(
+        block_key(run, o) for run in objective.prepared for o in run.outputs if o.quantity not in FORCES
+    )
+    found = []
+    for key in keys:
+        fitted, kept = _turned(objective, judged, key, False), _turned(held, judged, key, True)
+        if not fitted or not kept:
+            continue
+        orders = _orders(fitted)
+        if orders.size == 0:
+            continue
+        order = _best(objective, fitted, orders)
+        for finer in (0.25, 0.0625):
+            order = _best(
+                objective, fitted, order + finer * (orders[-1] - orders[0]) / len(orders) * np.arange(-2, 3)
+            )
+        found.append(_remainder(key, order, fitted, kept, len(orders)))
+    return tuple(sorted(found, key=lambda r: -r.gain))
+
+
+def _remainder(key: Key, order: float, fitted: list[_Turned], kept: list[_Turned], tried: int) -> Remainder:
+    explained, step = _fitted(fitted, order)
+    samples = sum(run.w.size for run in fitted)
+    dispersion = max(1.0, sum(float(run.w @ run.w) for run in fitted) / samples)
+    gain = 0.5 * explained / dispersion - 0.5 * PARAMETERS * math.log(samples) - math.log(tried)
+    changes = [run.columns(order) @ step for run in kept]
+    held_gain = sum(
+        float(run.w @ change) - 0.5 * float(change @ change) for run, change in zip(kept, changes, strict=True)
+    )
+    foretold = 0.5 * sum(float(change @ change) for change in changes)
+    size = float(np.hypot(*step)) / math.sqrt(2.0)
+    levels = [
+        dynamic_level(output)
+        for run in fitted
+        for output, wanted in zip(run.objective.prepared[run.index].outputs, run.wanted, strict=True)
+        if wanted
+    ]
+    level = math.sqrt(float(np.mean(np.square(levels))))
+    material = size / level if level > 0.0 else 0.0
+    return Remainder(key, gain, held_gain / dispersion, foretold / dispersion, material, order=order)
