@@ -1,8 +1,10 @@
-"""Where much is left: modes fitted from where most is left beside the joint's own resonance.
+"""Where the base leaves much: modes fitted from where most is left beside the joint's own resonance.
 
 To first order in a small amplitude a mode near the joint's own resonance explains most of any mismatch there, and one
 elsewhere only what its start's shape has the right sign for. But a search from the right frequency finds the shape. So of
-each name's first law of a mode the starts at the highest peaks of what is left are fitted as well.
+each plain law of a mode the starts at the highest peaks of what is left are fitted as well. A mode as heavy as the arm moves the
+joint's resonance itself, and what a base leaves that took its stiffness from that one has peaks at neither; where most is
+left, starts above the base's resonance are fitted too.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.effects.lines import spectral_peaks
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import FREE
-from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -23,41 +25,44 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
     from jointscope.diagnosis.refit import Fit
 
-MUCH = 0.1  # of the data's rms, left in the median channel
+MUCH = 0.1  # of the data's rms, left by the base in the median channel
 NEAR = math.log(1.1)  # of a peak, within which a law must have a start
 TRIED = 4  # peaks
+MOST = 0.5  # of the data's rms, likewise, beyond which a mode may be as heavy as the arm
+ABOVE = (1.2, 1.5, 1.9, 2.4)  # times the base's resonance, where such a mode is sought
+PLAIN = ("one-shape", "absorber", "turning-mount", "sliding-mount", "carrier")
 BAND = (0.6, 8.0)  # times the joint's resonance
 
 
 def modes_apart(
-    objective: Objective, parent: Hypothesis, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
+    objective: Objective, base: Fit, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
 ) -> list[Hypothesis]:
-    """The best fit of each name's first law of a mode from the highest peaks; none where the parent is near the data.
+    """The best fit of each plain law of a mode from the highest peaks; none where the base is near the data.
 
     Args:
-        parent: The base, or a set that has no mode yet.
         candidates: Trials of every law.
-        left: What the parent leaves.
+        left: What the base leaves of all runs of the problem.
     """
-    if any(spec.family == "mode" for spec in parent.specs):
-        return []
-    laws = _first_laws(candidates)
-    theta, effects = parent.fit.coordinates.unpack(parent.fit.x)
-    if not laws or relative_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
+    laws = _laws(candidates)
+    theta, _ = base.coordinates.unpack(base.x)
+    misfit = relative_misfit(objective.prepared, objective.predictions(theta, ())) if laws else 0.0
+    if misfit < MUCH:
         return []
     low, high = (factor * objective.problem.scales.frequency for factor in BAND)
-    peaks = spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False)
+    peaks = list(spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False))
+    if misfit > MOST:
+        peaks.extend(factor * low / BAND[0] for factor in ABOVE)
     found = []
     for trials in laws:
         fits = []
         for peak in peaks:
             near = min(trials, key=lambda a: (abs(math.log(a.values[0] / peak)), -a.values[a.spec.amplitude]))
             if abs(math.log(near.values[0] / peak)) < NEAR:
-                fits.append(fit_child(objective, parent.fit, [near], effort))
+                fits.append(fit_child(objective, base, [near], effort))
         reached = [fit for fit in fits if fit is not None]
         if reached:
             best = _to_its_end(objective, min(reached, key=lambda fit: fit.chi2))
-            found.append(Hypothesis((*parent.specs, trials[0].spec), best, profile_loss(objective, best.w)))
+            found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
     return found
 
 
@@ -74,13 +79,10 @@ def _to_its_end(objective: Objective, fit: Fit) -> Fit:
     )
 
 
-def _first_laws(candidates: Sequence[ActiveEffect]) -> list[list[ActiveEffect]]:
-    first: dict[str, list[ActiveEffect]] = {}
+def _laws(candidates: Sequence[ActiveEffect]) -> list[list[ActiveEffect]]:
+    """The trials of each plain law of a mode."""
+    laws: dict[int, list[ActiveEffect]] = {}
     for active in candidates:
-        spec = active.spec
-        if spec.family != "mode" or spec.of_own_frequency or spec.parameters[0].name != "frequency":
-            continue
-        trials = first.setdefault(name_of(spec), [])
-        if not trials or trials[0].spec is spec:
-            trials.append(active)
-    return list(first.values())
+        if active.spec.family == "mode" and active.spec.variant in PLAIN and not active.spec.of_own_frequency:
+            laws.setdefault(id(active.spec), []).append(active)
+    return list(laws.values())
