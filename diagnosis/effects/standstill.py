@@ -1,6 +1,7 @@
 r"""Dry friction with a shape about standstill: rounded over a speed, or built up elastically over an angle.
 
     T_f = T (1 +- asymmetry) tanh(w/w_e)                                Coulomb, rounded
+    T_f = T (1 +- asymmetry) w / sqrt(w^2 + w_e^2)                      the same, slower to its end
     dT_f/dq = (T - T_f sgn(w)) / y                                      Coulomb with presliding over y (Dahl)
     dT_f/dq = (1 - T_f sgn(w)/T)^i T / y                                the same with Dahl's exponent i
     T_f = (1 +- asymmetry) [T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)  Stribeck, rounded
@@ -15,6 +16,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
@@ -62,6 +65,17 @@ def _rounded(location: str) -> Apply:
         torque, speed = values[:2]
         assembly.P[at_torque], assembly.P[at_sided] = torque, values[2] if len(values) > 2 else 0.0
         assembly.P[at_speed] = max(speed, steepest(assembly, location, torque))
+
+    return apply
+
+
+def _slower(even: EffectSpec) -> Apply:
+    """The rounded law that reaches its end as 1 - (w_e/w)^2/2."""
+    at_speed = (_ROUND_M if even.location == "motor" else _ROUND_L)[1]
+
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        even.apply(assembly, values, weight)
+        assembly.P[at_speed] = -assembly.P[at_speed]
 
     return apply
 
@@ -201,6 +215,28 @@ def _rounded_coulomb(sharp: EffectSpec) -> EffectSpec:
     )
 
 
+def _algebraic(rounded: EffectSpec) -> EffectSpec:
+    """Rounded friction that is slower to reach its end, as many simulators write it; fitted from the other's numbers."""
+    return replace(
+        rounded,
+        variant="rounded-algebraic",
+        law="T (1 +- asymmetry) w / sqrt(w^2 + w_e^2) against the motion: it creeps where a dry contact sticks",
+        apply=_slower(rounded),
+        starts=lambda problem: rounded.starts(problem)[:1],
+    )
+
+
+def rises_above(values: Values) -> bool:
+    """Whether rounded friction is anywhere above its sliding value by more than Coulomb's form leaves open.
+
+    A fall that is over before the friction has risen is no breakaway but another rounding.
+    """
+    torque, breakaway, fall, rounding = values[:4]
+    w = np.geomspace(0.1 * rounding, 10.0 * max(rounding, fall), 60)
+    level = (torque + (breakaway - torque) * np.exp(-np.square(w / fall))) * np.tanh(w / rounding)
+    return bool(friction.LARGER * torque < np.max(level) < friction.LARGEST * torque)
+
+
 def _presliding_coulomb(sharp: EffectSpec) -> EffectSpec:
     """Coulomb's friction built up elastically."""
     return replace(
@@ -242,6 +278,7 @@ def _rounded_stribeck_of(sharp: EffectSpec) -> EffectSpec:
         variant="rounded",
         parameters=(*sharp.parameters, ROUNDING),
         law="[T + (T_b - T) exp(-(w/w_s)^2)] tanh(w/w_e)",
+        sensible=rises_above,
         apply=_rounded_stribeck(sharp.location),
         starts=lambda problem: tuple(
             (*speeds, *roundings(sharp.location)(problem)[0]) for speeds in sharp.starts(problem)[1:]
@@ -324,12 +361,14 @@ _PLAIN, _ASYMMETRIC, _GAUSSIAN = (
     for variant in ("plain", "asymmetric", "gaussian")
 )
 
+_CREEPING = tuple(_rounded_coulomb(sharp) for sharp in (*_PLAIN, *_ASYMMETRIC))
 _DAHL = tuple(_presliding_coulomb(sharp) for sharp in _PLAIN)
 _BRISTLES = tuple(_stribeck_on_bristles(sharp) for sharp in _GAUSSIAN)
 _ROUNDED = tuple(_rounded_stribeck_of(sharp) for sharp in _GAUSSIAN)
 
 COULOMB: tuple[EffectSpec, ...] = (
-    *(_rounded_coulomb(sharp) for sharp in (*_PLAIN, *_ASYMMETRIC)),
+    *_CREEPING,
+    *(_algebraic(rounded) for rounded in _CREEPING if rounded.variant == "rounded-asymmetric"),
     *_DAHL,
     *(_sided_bristles(even) for even in _DAHL),
     *(_damped_bristles(even) for even in _DAHL),

@@ -120,11 +120,14 @@ def bristles(z: float, d: float, v: float, load: float, P: Real) -> float:
 
 @compiled
 def rounded(torque: float, speed: float, excess: float, fall: float, sided: float, v: float) -> float:
-    """T (1 +- sided) [1 + excess exp(-(v/fall)^2)] tanh(v/speed): dry friction that creeps where a contact sticks."""
+    """T (1 +- sided) [1 + excess exp(-(v/fall)^2)] tanh(v/speed): dry friction that creeps where a contact sticks.
+
+    With a ``speed`` below zero v/sqrt(v^2 + speed^2) takes the place of the hyperbolic tangent.
+    """
     if excess != 0.0:
         r = v / fall
         torque *= 1.0 + excess * math.exp(-r * r)
-    rise = math.tanh(v / speed)
+    rise = math.tanh(v / speed) if speed > 0.0 else v / math.hypot(v, speed)
     return torque * (rise + sided * abs(rise))
 
 

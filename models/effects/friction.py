@@ -5,7 +5,7 @@ b (1 +- s) w = b w + s b |w|: the second part a table of three nodes over the sp
 dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the angle y, g unlike in the two directions,
 with Dahl's exponent i for 1 of 1 - T_f sgn(w)/(T g) where it has one, and
 with sigma_1 w (1 - T_f sgn(w)/(T g)) beside it where the bristles are damped (LuGre), sigma_1 = bristle_time T/y
-T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e): a table over the speed
+T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e), T w / sqrt(w^2 + w_e^2): a table over the speed
 mu |T_S| z with bristles' z, mu |T_S| tanh(w/w_e): the same two laws, of 1 instead of a torque and times mu |T_S|
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
@@ -15,11 +15,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jointscope.models.effects.building import Building, Parameters
 
+Nodes = NDArray[np.float64]
+
 FASTEST = 1e3  # rad/s or m/s; beyond every speed
 SATURATED, NODES = 9.0, 361  # tanh is 1 within 3e-8 there, and straight within 3e-4 between so many nodes
+SLOWLY_SATURATED = 70.0  # x / sqrt(x^2 + 1) is 1 within 1e-4 there
 SETTLED, MOST_NODES = 4.2, 20_001  # exp(-x^2) is 2e-8 there
 
 
@@ -27,7 +31,12 @@ def coulomb(building: Building, location: str, variant: str, p: Parameters) -> s
     """T (1 +- asymmetry) against the motion."""
     torque, asymmetry = p["torque"], p.get("asymmetry", 0.0)
     if variant.startswith("rounded"):
-        _creeping(building, location, torque, p["rounding"], 0.0, p["rounding"], asymmetry)
+        if variant.endswith("-algebraic"):
+            reach = SLOWLY_SATURATED * p["rounding"]
+            speed = np.linspace(-reach, reach, NODES * math.ceil(SLOWLY_SATURATED / SATURATED) | 1)
+            _over_speed(building, location, speed, torque, speed / np.hypot(speed, p["rounding"]), asymmetry)
+        else:
+            _creeping(building, location, torque, p["rounding"], 0.0, p["rounding"], asymmetry)
         return ""
     if variant.startswith("presliding"):
         _bristles(building, location, p, 0.0, 1.0)
@@ -74,11 +83,17 @@ def _creeping(
     between = min(rounding, fall) if excess else rounding
     count = min(NODES * max(math.ceil(reach / (SATURATED * between)), 1), MOST_NODES) | 1
     speed = np.linspace(-reach, reach, count)
-    level = 1.0 + excess * np.exp(-np.square(speed / fall))
-    rise = np.tanh(speed / rounding)
-    force = -torque * level * (rise + sided * np.abs(rise))
+    rise = (1.0 + excess * np.exp(-np.square(speed / fall))) * np.tanh(speed / rounding)
+    _over_speed(building, location, speed, torque, rise, sided, of)
+
+
+def _over_speed(
+    building: Building, location: str, speed: Nodes, torque: float, rise: Nodes, sided: float, of: str = "speed"
+) -> None:
+    """``torque`` times ``rise`` over evenly spaced speeds against the motion, unlike in the two directions."""
+    force = -torque * (rise + sided * np.abs(rise))
     at = "load" if building.single else location
-    building.law("table", at=at, of=of, low=-reach, high=reach, torque=list(force))
+    building.law("table", at=at, of=of, low=float(speed[0]), high=float(speed[-1]), torque=list(force))
 
 
 def _bristles(

@@ -103,6 +103,9 @@ def test_rounded_stribeck_follows_its_curve_on_either_side_and_in_either_stepper
     assert k_laws.rounded(T, w_e, 0.0, 1.0, -0.2, 0.003) == pytest.approx(0.8 * T * math.tanh(0.75), rel=1e-12)
     assert k_laws.rounded(T, w_e, 0.0, 1.0, -0.2, -0.003) == pytest.approx(-1.2 * T * math.tanh(0.75), rel=1e-12)
     assert k_laws.rounded(T, w_e, 0.0, 1.0, 0.0, 0.003) == pytest.approx(T * math.tanh(0.75), rel=1e-12)
+    for v in (0.003, -0.003):  # the law that is slower to its end, T v / sqrt(v^2 + w_e^2)
+        slower = v / math.sqrt(v**2 + w_e**2)
+        assert k_laws.rounded(T, -w_e, 0.0, 1.0, 0.0, v) == pytest.approx(T * slower, rel=1e-12)
 
 
 @pytest.mark.parametrize("switch", ["rounded", "presliding"])

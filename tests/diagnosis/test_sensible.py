@@ -8,7 +8,7 @@ import pytest
 from jointscope.diagnosis.effects import at_rig, catalogue
 from jointscope.diagnosis.effects.hysteresis import SPECS as HYSTERESIS
 from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
-from jointscope.diagnosis.effects.standstill import COULOMB, STRIBECK
+from jointscope.diagnosis.effects.standstill import COULOMB, STRIBECK, rises_above
 
 
 @pytest.mark.parametrize("variant", ["piecewise", "piecewise-cubic"])
@@ -104,3 +104,16 @@ def test_friction_that_builds_up_over_all_of_a_motion_is_a_spring(problem, name,
         short, long = ((*before, wind_ups * problem.scales.wind_up, *after) for wind_ups in (0.5, 2.0))
         assert at_rig(law, moved).sensible(short) and not at_rig(law, moved).sensible(long)
         assert at_rig(law, held).sensible(long)
+
+
+@pytest.mark.parametrize(
+    ("values", "falls"),
+    [
+        ((20.0, 30.0, 0.05, 0.002), True),  # up within 2 mrad/s, and down again over 50
+        ((20.0, 30.0, 0.0035, 0.0031), False),  # over before it has risen: another rounding of 20 N m
+        ((20.0, 21.0, 0.05, 0.002), False),  # 5 % is what Coulomb's form leaves open
+        ((20.0, 130.0, 0.5, 0.002), False),  # no contact breaks away at six times
+    ],
+)
+def test_rounded_friction_is_stribecks_where_it_anywhere_exceeds_what_slides(values, falls):
+    assert rises_above(values) is falls

@@ -25,6 +25,7 @@ CATALOGUE = [
     ("coulomb-friction", "motor", "rounded", {"torque": 20.0, "rounding": 0.02}, "torque", 0.0),
     ("coulomb-friction", "load", "rounded", {"torque": 3.0, "rounding": 0.02}, "torque", 0.0),
     ("coulomb-friction", "load", "rounded-asymmetric", {"torque": 3.0, "rounding": 0.02, "asymmetry": 0.2}, "torque", 0.0),
+    ("coulomb-friction", "motor", "rounded-algebraic", {"torque": 20.0, "rounding": 0.02, "asymmetry": 0.1}, "torque", 0.0),
     ("stribeck-friction", "motor", "gaussian", {"torque": 20.0, "breakaway": 30.0, "stribeck_velocity": 0.02}, "torque", 0.0),
     ("stribeck-friction", "load", "exponential", {"torque": 2.0, "breakaway": 3.0, "stribeck_velocity": 0.02}, "torque", 0.0),
     ("stribeck-friction", "motor", "rounded",
