@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh, sorted_afresh
+from jointscope.diagnosis.anchors import beside_other_laws
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.eased import eased
@@ -309,7 +310,8 @@ def explore(
         if size > effort.size or not _worth_more(arena, size - 1):
             break
         if size == 3:
-            arena = _swapped(arena, candidates, effort)
+            found = beside_other_laws(arena.objective, arena.base.fit, arena.hypotheses, candidates, effort)
+            arena = _swapped(settled(arena, found, effort) if found else arena, candidates, effort)
             if not _worth_more(arena, size - 1):
                 break
         report(f"fitting sets of {size}")
