@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.absence import of_its_own
 from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
 from jointscope.diagnosis.effects.spec import made_to_show
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
-from jointscope.diagnosis.form import own_share
-from jointscope.diagnosis.gates import AS_FORETOLD, OWN_FORM, REAL, Comparison
+from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.intervals import differs_from_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
@@ -396,4 +396,4 @@ def _of_their_own(judgement: Judgement, asked: Sequence[tuple[Judged, list[Judge
     for _, child, weak in sorted((s for s in scored if s[0] > lead), key=lambda s: -s[0]):
         leading.setdefault(child.names, (child, weak))
     few = list(leading.values())[:ASKED]
-    return [child for child, weak in few if all(own_share(judgement, part, child) > OWN_FORM for part in weak)]
+    return [child for child, weak in few if all(of_its_own(judgement, part, child) for part in weak)]

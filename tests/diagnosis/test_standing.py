@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from jointscope.diagnosis import adjudicate, verdict
+from jointscope.diagnosis import absence, adjudicate, verdict
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.verdict import SURE_OF_SETS, rank
 
@@ -94,7 +94,8 @@ def test_a_set_that_would_lead_stands_for_what_no_other_form_of_its_part_could_d
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
     monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
-    monkeypatch.setattr(adjudicate, "own_share", lambda *_: own)
+    monkeypatch.setattr(absence, "own_share", lambda *_: own)
+    monkeypatch.setattr(absence, "shown_in_absence", lambda *_: False)
     found = adjudicate.standing(
         SimpleNamespace(objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, part, pair))
     )
