@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.form import own_share
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.objective import Objective
+
+Vector = NDArray[np.float64]
 
 NOTHING = 1e-6  # of a run's residual, that removing the first effect may change there
 FIT = (10, 120)  # steps and simulations
@@ -55,7 +58,7 @@ def shown_in_absence(judgement: Judgement, parent: Judged, child: Judged) -> boo
     return gained > max(HELD, AS_FORETOLD * foretold)
 
 
-def _silent(objective: Objective, theta: np.ndarray, effects: Sequence[ActiveEffect]) -> list[int]:
+def _silent(objective: Objective, theta: Vector, effects: Sequence[ActiveEffect]) -> list[int]:
     """Runs that ``effects`` leave as they are."""
     found = []
     for i in range(len(objective.runs)):
@@ -65,7 +68,7 @@ def _silent(objective: Objective, theta: np.ndarray, effects: Sequence[ActiveEff
     return found
 
 
-def _fitted(objective: Objective, theta: np.ndarray, effects: tuple[ActiveEffect, ...]) -> Fit:
+def _fitted(objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Fit:
     where = coordinates(objective.problem, tuple(a.spec for a in effects))
     return least_squares(
         objective, where, where.pack(theta, effects), iterations=FIT[0], tolerance=1e-3, simulations=FIT[1]

@@ -14,6 +14,7 @@ from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.input_noise import Inlet, inlet
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
+from jointscope.diagnosis.problem import recorded_angle
 from jointscope.diagnosis.refit import Fit, least_squares
 from jointscope.diagnosis.resolution import clips
 from jointscope.diagnosis.split import content_order, level
@@ -123,12 +124,8 @@ def _farthest(problem: Problem, positions: tuple[int, ...], chosen: list[int]) -
 
 def _reach(run: PreparedRun) -> tuple[float, float] | None:
     """Lowest and highest recorded angle at the output [rad], or integral of a speed, where one was followed."""
-    if run.observed is None:
-        return None
-    angle = run.observed_half
-    if run.observed.rate_signal:
-        angle = run.initial_angle + np.cumsum(angle) / (2.0 * run.grid_rate)
-    return float(angle.min()), float(angle.max())
+    angle = recorded_angle(run)
+    return None if angle is None else (float(angle.min()), float(angle.max()))
 
 
 def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:

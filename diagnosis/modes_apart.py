@@ -48,10 +48,11 @@ def modes_apart(
     misfit = relative_misfit(objective.prepared, objective.predictions(theta, ())) if laws else 0.0
     if misfit < MUCH:
         return []
-    low, high = (factor * objective.problem.scales.frequency for factor in BAND)
+    resonance = objective.problem.scales.frequency
+    low, high = (factor * resonance for factor in BAND)
     peaks = list(spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False))
     if misfit > MOST:
-        peaks.extend(factor * low / BAND[0] for factor in ABOVE)
+        peaks.extend(factor * resonance for factor in ABOVE)
     found = []
     for trials in laws:
         fits = []

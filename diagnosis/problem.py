@@ -281,3 +281,12 @@ class Problem:
         for name, value in values.items():
             theta[BASE_NAMES.index(name)] = value
         return theta
+
+
+def recorded_angle(run: PreparedRun) -> Vector | None:
+    """The angle at the joint output at the grid's half steps [rad], integrated where a speed was followed; ``None`` without."""
+    if run.observed is None:
+        return None
+    if not run.observed.rate_signal:
+        return run.observed_half
+    return np.asarray(run.initial_angle + np.cumsum(run.observed_half) / (2.0 * run.grid_rate), dtype=np.float64)

@@ -18,16 +18,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from jointscope.diagnosis.noise import Key, block_key, dynamic_level
+from jointscope.diagnosis.problem import recorded_angle
 from jointscope.diagnosis.remainder import Remainder
 from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.objective import Objective
-    from jointscope.diagnosis.prepare import PreparedRun
 
 Vector = NDArray[np.float64]
 
@@ -64,21 +63,13 @@ class _Turned:
         return np.asarray(self.objective.whiteners[self.index](arrays), dtype=np.float64)
 
 
-def angle_of(run: PreparedRun) -> Vector | None:
-    """Recorded angle at the joint output at the grid's half steps [rad]; ``None`` where none was recorded."""
-    if run.observed is None or run.observed.commanded:
-        return None
-    if not run.observed.rate_signal:
-        return run.observed_half
-    return np.asarray(cumulative_trapezoid(run.observed_half, dx=0.5 / run.grid_rate, initial=0.0))
-
-
 def _turned(objective: Objective, judged: Judged, key: Key, held: bool) -> list[_Turned]:
     predictions = judged.predictions_held if held else judged.predictions
     found = []
     for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
         wanted = tuple(block_key(run, output) == key for output in run.outputs)
-        angle = angle_of(run) if any(wanted) else None
+        asked = any(wanted) and run.observed is not None and not run.observed.commanded
+        angle = recorded_angle(run) if asked else None
         if angle is None or np.ptp(angle) < TRAVEL:
             continue
         half = run.t0 + np.arange(len(angle)) / (2.0 * run.grid_rate)
@@ -116,9 +107,9 @@ def _fitted(runs: list[_Turned], order: float) -> tuple[float, Vector]:
     return float(right @ step), step
 
 
-def _best(objective: Objective, runs: list[_Turned], orders: Vector) -> float:
-    gains = objective.map(lambda order: _fitted(runs, order)[0], [float(o) for o in orders])
-    return float(orders[int(np.argmax(gains))])
+def _best(objective: Objective, runs: list[_Turned], orders: list[float]) -> float:
+    gains = objective.map(lambda order: _fitted(runs, order)[0], orders)
+    return orders[int(np.argmax(gains))]
 
 
 def repeating(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
@@ -135,11 +126,10 @@ def repeating(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
         orders = _orders(fitted)
         if orders.size == 0:
             continue
-        order = _best(objective, fitted, orders)
+        order = _best(objective, fitted, orders.tolist())
+        spacing = float(orders[-1] - orders[0]) / max(orders.size - 1, 1)
         for finer in (0.25, 0.0625):
-            order = _best(
-                objective, fitted, order + finer * (orders[-1] - orders[0]) / len(orders) * np.arange(-2, 3)
-            )
+            order = _best(objective, fitted, [order + finer * spacing * k for k in range(-2, 3)])
         found.append(_remainder(key, order, fitted, kept, len(orders)))
     return tuple(sorted(found, key=lambda r: -r.gain))
 

@@ -12,8 +12,12 @@ RATE, SECONDS, ORDER = 500.0, 8.0, 90.0
 NOISE = 1e-3
 
 
-def run_of(rng, left):
-    """A run that swings to and fro at a pace of its own; ``left(t, q)`` is what its encoder shows beyond the model."""
+def run_of(rng, left, speed):
+    """A run that swings to and fro from a place and at a pace of its own; ``left(t, q)`` is what a model leaves.
+
+    Args:
+        speed: Whether a speed was recorded instead of the angle.
+    """
     t = np.arange(round(RATE * SECONDS)) / RATE
     half = np.arange(2 * t.size + 1) / (2.0 * RATE)
     pace, start = rng.uniform(0.5, 1.5), rng.uniform(-0.3, 0.3)
@@ -27,16 +31,16 @@ def run_of(rng, left):
     )  # fmt: skip
     run = SimpleNamespace(
         run=SimpleNamespace(experiment="speed-motion", brake=False), outputs=(output,), t0=0.0, grid_rate=RATE,
-        observed_half=angle(half), observed=SimpleNamespace(rate_signal=False, commanded=False), motor_moves=True,
-        mode="observer",
+        observed_half=np.gradient(angle(half), half) if speed else angle(half), initial_angle=start,
+        observed=SimpleNamespace(rate_signal=speed, commanded=False), motor_moves=True, mode="observer",
     )  # fmt: skip
     return run, NOISE * rng.standard_normal(t.size) + left(t, angle(t))
 
 
-def judged_of(left, seed=1):
+def judged_of(left, seed=1, speed=False):
     """Three fitted and two held-out runs, whitened by their white noise."""
     rng = np.random.default_rng(seed)
-    made = [run_of(rng, left) for _ in range(5)]
+    made = [run_of(rng, left, speed) for _ in range(5)]
 
     def objective(rows):
         return SimpleNamespace(
@@ -52,8 +56,10 @@ def judged_of(left, seed=1):
     return repeating(judgement, judged)
 
 
-def test_a_grating_is_found_at_its_order_and_in_the_runs_that_were_not_fitted():
-    (found,) = judged_of(lambda t, q: 0.5 * NOISE * np.sin(ORDER * q + 0.4))
+@pytest.mark.parametrize("speed", [False, True])
+def test_a_grating_is_found_at_its_order_and_in_the_runs_that_were_not_fitted(speed):
+    """Wherever each run starts, and from the integral of a speed as well."""
+    (found,) = judged_of(lambda t, q: 0.5 * NOISE * np.sin(ORDER * q + 0.4), speed=speed)
     assert found.stands
     assert found.order == pytest.approx(ORDER, abs=0.2)
     assert found.held_gain == pytest.approx(found.foretold, rel=0.3)
