@@ -26,9 +26,9 @@ from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.intervals import differs_from_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
-from jointscope.diagnosis.poles import joint_poles
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
 from jointscope.diagnosis.refit import Fit
+from jointscope.diagnosis.resonant import only_at_resonance
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.struck import modes, unheard
 from jointscope.diagnosis.twins import twins
@@ -36,7 +36,6 @@ from jointscope.diagnosis.twins import twins
 Vector = NDArray[np.float64]
 WITNESSES = 3  # held-out runs that must all gain as foretold, where an amplitude's interval holds none at all
 REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
-NEAR_RESONANCE = 0.04  # of that frequency, beside its half width
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
 REAL_PICKED = 60.0  # of an order that was picked out of all orders
@@ -305,13 +304,7 @@ def _rings(judgement: Judgement, child: Judged, parent: Judged) -> bool:
 
     Noise rings at another size in every run: there a line must be what was foretold of it.
     """
-    theta, effects = child.fit.coordinates.unpack(child.fit.x)
-    poles = joint_poles(judgement.objective.problem, theta)
-    lines = [
-        a.values[0] for a in effects if a.spec.profiled and f"{a.spec.name}@{a.spec.location}" not in parent.names
-    ]
-    on_one = any(abs(line / f - 1.0) < NEAR_RESONANCE + zeta for line in lines for f, zeta in poles.values())
-    if not on_one:
+    if not only_at_resonance(judgement, child, parent):
         return False
     found = compare(judgement, parent, child)
     return found.gain < REAL_RESONANT or found.held_gain < AS_FORETOLD * found.foretold_held

@@ -26,6 +26,7 @@ from jointscope.diagnosis.remainder import Remainder, remainders
 from jointscope.diagnosis.repeats import with_what_repeats
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Screening
+from jointscope.diagnosis.second_look import second_look
 from jointscope.diagnosis.seen_weight import as_seen
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.prepare import Problem
 
+LOOKS = 2  # times that further effects are sought on top of what was decided
 REALIGNED = 2  # times that inexact starts are found anew at the refitted base
 
 
@@ -125,6 +127,16 @@ def diagnose(
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
+    report("looking once more under the noise that is left")
+    for _ in range(LOOKS):
+        further = second_look(judgement, decision.chosen, specs, effort)
+        if not further:
+            break
+        hypotheses = (*hypotheses, *further)
+        judgement = judge(stage, hypotheses, split.held_out)
+        before, decision = decision, decide(judgement)
+        if decision.chosen.names == before.chosen.names:
+            break
     following = remainders(judgement, decision.chosen)
     left = (*following, *repeating(judgement, decision.chosen))
     changing: tuple[Change, ...] = ()

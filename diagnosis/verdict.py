@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from jointscope.diagnosis.absence import of_its_own
 from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differences, score, standing
 from jointscope.diagnosis.channels import ACCELERATIONS
@@ -18,6 +19,7 @@ from jointscope.diagnosis.effects import STRANGERS
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL, Comparison
 from jointscope.diagnosis.noise import Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
+from jointscope.diagnosis.search import nested
 from jointscope.diagnosis.twins import foreknown
 
 if TYPE_CHECKING:
@@ -176,10 +178,13 @@ def rank(judgement: Judgement) -> list[Ranked]:
         if resembled(judged) is not None:
             best[names] = (value - max(STRANGE, OF_LISTED * value), judged)
     for names, (value, judged) in list(best.items()):
-        simpler = [
-            v for other, (v, _) in best.items() if 0 < len(other) < len(names) and not set(other) < set(names)
-        ]
-        if simpler and value < LEADS_FEWER * max(simpler):  # what a form that is a little wrong leaves
+        simpler = {
+            other: v
+            for other, (v, _) in best.items()
+            if 0 < len(other) < len(names) and not set(other) < set(names)
+        }
+        leading = [other for other, v in simpler.items() if value < LEADS_FEWER * v]
+        if leading and not all(_beside_a_form(judgement, judged, best, other) for other in leading):
             best[names] = (min(value, 0.0) - NOT_STANDING, judged)
     belief = np.array(_belief(judgement, best))
     weights = np.exp(belief - belief.max())
@@ -189,6 +194,19 @@ def rank(judgement: Judgement) -> list[Ranked]:
         for (names, (v, judged)), p in zip(best.items(), weights, strict=True)
     ]
     return sorted(ranked, key=lambda r: (-r.probability, -r.score))
+
+
+def _beside_a_form(
+    judgement: Judgement, pair: Judged, best: dict[tuple[str, ...], tuple[float, Judged]], other: tuple[str, ...]
+) -> bool:
+    """Whether ``other`` is a form of one of the pair's members, friction with a hump or without, and none of them is the rest.
+
+    What a form that is a little wrong leaves is what other forms at its place explain; the rest of the pair does not.
+    """
+    if len(other) != 1 or len(pair.names) != 2:
+        return False
+    parts = [name for name in pair.names if nested(name, other)]
+    return len(parts) == 1 and (parts[0],) in best and of_its_own(judgement, best[(parts[0],)][1], pair)
 
 
 def adequacy_of(judgement: Judgement, candidate: Judged) -> Adequacy:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Output, PreparedRun
 
 Vector = NDArray[np.float64]
+BESIDE = 20  # bins of a record on either side of a line, by which its noise is measured
 
 
 def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -> list[Vector]:
@@ -38,13 +39,26 @@ def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -
         r = (output.data - y)[output.mask]
         if r.size:
             # a robust size, so that a ring-down which the model misses does not outweigh the quiet part
-            variance = max(float(np.median(np.abs(r))) ** 2, 1e-300)
-            if not math.isfinite(variance):  # a model that flew apart has no phase
+            size = float(np.median(np.abs(r)))
+            if not math.isfinite(size):  # a model that flew apart has no phase
                 continue
-            bounded = np.clip(r, -6.0 * math.sqrt(variance), 6.0 * math.sqrt(variance))
-            total += np.sum(np.conj(shape[output.mask]) * bounded) / variance
+            tapered = np.hanning(r.size) * np.clip(r, -6.0 * size, 6.0 * size)
+            total += np.sum(np.conj(shape[output.mask]) * tapered) / beside(tapered, frequency / output.rate)
     phase = total / abs(total) if abs(total) > 0.0 else 1.0
     return [y + np.real(phase * shape) for y, shape in zip(predicted, shapes, strict=True)]
+
+
+def beside(tapered: Vector, place: float) -> float:
+    """Power of what is left beside a line, per sample: an angle's slow part is no noise to a tone.
+
+    Args:
+        tapered: The residual, Hann tapered, shape (n,).
+        place: Frequency of the line over the sampling rate.
+    """
+    power = np.abs(np.fft.rfft(tapered)) ** 2
+    at = round(place * tapered.size)
+    near = np.concatenate([power[max(at - BESIDE, 1) : max(at - 3, 1)], power[at + 4 : at + 1 + BESIDE]])
+    return max(float(np.median(near)) / tapered.size if near.size else 0.0, 1e-300)
 
 
 def response(assembly: Assembly, run: PreparedRun, output: Output, omega: float) -> complex:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import binary_erosion, median_filter, uniform_filter1d
 
 from jointscope.diagnosis.channels import ACCELERATIONS
 
@@ -46,6 +46,9 @@ def spectral_peaks(
 ) -> tuple[float, ...]:
     """Frequencies [Hz] of the strongest lines, each channel against its own background.
 
+    A tone is sought in every kind of channel: a motor's angle may show it where its torque hardly moves it, at the
+    anti-resonance. A resonance is sought in accelerations alone: what is left of an angle is slow, whatever its cause.
+
     Args:
         problem: The campaign as prepared.
         residuals: What a model leaves, per run and output.
@@ -57,15 +60,18 @@ def spectral_peaks(
     total = np.zeros(grid.size)
     for run, rows in zip(problem.runs, residuals, strict=True):
         for output, r in zip(run.outputs, rows, strict=True):
-            if output.quantity not in ACCELERATIONS or r.size < 64 or not np.any(r):
+            if r.size < 64 or not np.any(r) or not (narrow or output.quantity in ACCELERATIONS):
                 continue
             x = np.where(output.mask, r, 0.0)
+            if output.quantity not in ACCELERATIONS:  # steep spectra leak into their own gaps
+                x = np.where(binary_erosion(output.mask, iterations=2), np.gradient(np.gradient(x)), 0.0)
             size = 2 ** int(np.ceil(np.log2(x.size))) * (4 if narrow else 1)
             power = np.abs(np.fft.rfft(x * np.hanning(x.size), size)) ** 2
             f = np.fft.rfftfreq(size, 1.0 / output.rate)
             density = np.interp(grid, f, power, right=0.0)
             if narrow:
-                background = median_filter(density, size=61, mode="nearest") + 1e-3 * density.mean() + 1e-300
+                empty = 1e-3 if output.quantity in ACCELERATIONS else 1e-9  # of the mean: no noise is less
+                background = median_filter(density, size=61, mode="nearest") + empty * density.mean() + 1e-300
                 total += np.minimum(density / background, 1e4)
             else:
                 total += median_filter(density, size=9) / (density.mean() + 1e-300)

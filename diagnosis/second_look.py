@@ -1,0 +1,50 @@
+"""What else explains something under the noise that the decided model leaves, over all fitted runs.
+
+The search weighs every sample alike: there the slow part of an angle, or a ring-down that no law follows yet, hides what is
+a hundred nats under coloured noise. Above all it hides effects that undo each other, a late log and a late torque, each of
+which is nothing alone. So every law is scored once more on top of what was decided, and the leading ones are fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, evidence
+from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.gates import REAL_FURTHER
+from jointscope.diagnosis.polish import polished
+from jointscope.diagnosis.refit import with_fresh_jacobian
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_leading, leaders, name_of, nested, screen_on
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import EffectSpec
+
+FITTED = 3  # of the leading candidates
+
+
+def second_look(
+    judgement: Judgement, chosen: Judged, specs: Sequence[EffectSpec], effort: Effort
+) -> list[Hypothesis]:
+    """The chosen set with one effect more, wherever that is real and carries over to the held-out runs.
+
+    Args:
+        specs: The laws that may be named.
+    """
+    objective, parent = judgement.objective, chosen.hypothesis
+    if len(parent.names) >= effort.size:
+        return []
+    left = residuals_of(objective, chosen.predictions)
+    free = [s for s in specs if name_of(s) not in parent.names and not nested(name_of(s), parent.names)]
+    fit = with_fresh_jacobian(objective, replace(parent.fit, fresh=False))
+    screening = screen_on(objective, fit, candidates_for(objective.problem, free, left), effort)
+    trials = leaders(screening.leading, FITTED, 2.0 * REAL_FURTHER, parent.names)
+    found = []
+    for trial in trials:
+        for child in fit_leading(objective, fit, parent.specs, [trial], effort):
+            judged = evidence(polished(objective, child), objective, judgement.held)
+            against = compare(judgement, chosen, judged)
+            if against.gain > REAL_FURTHER and against.carries_over:
+                found.append(judged.hypothesis)
+    return found
