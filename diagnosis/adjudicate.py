@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.absence import of_its_own
+from jointscope.diagnosis.absence import of_its_own, shown_in_absence
 from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
 from jointscope.diagnosis.effects.spec import made_to_show
@@ -345,7 +345,7 @@ def standing(judgement: Judgement) -> list[Judged]:
     """Hypotheses that stand over the base and over the best law of every fitted part of themselves, best score first."""
     found: list[Judged] = []
     small: list[Judged] = []
-    asked: list[tuple[Judged, list[Judged]]] = []
+    asked: list[tuple[Judged, list[tuple[Judged, Comparison]]]] = []
     best = {j.names: j for j in sorted(judgement.judged, key=lambda j: score(judgement, j))}
     for child in judgement.judged[1:]:
         parts = [part for names, part in best.items() if set(names) < set(child.names)]
@@ -353,7 +353,7 @@ def standing(judgement: Judgement) -> list[Judged]:
         if alone and compare(judgement, judgement.base, child).gain < len(child.names) * REAL_TOGETHER:
             continue  # no part of it was worth fitting by itself
         over = [compare(judgement, part, child) for part in parts]
-        slight = not all(c.stands or c.beside for c in over)
+        slight = not all(c.stands or c.perhaps_beside for c in over)
         if slight and not (len(child.names) == 1 and all(c.stands_but_for_size for c in over)):
             continue
         if any(_rings(judgement, child, part) or _unheard(judgement, child, part) for part in parts):
@@ -369,7 +369,7 @@ def standing(judgement: Judgement) -> list[Judged]:
         seen_by_all = all(c.votes >= WITNESSES and c.evident and c.share_of_runs == 1.0 for c in over)
         if not seen_by_all and not differs_from_nothing(judgement.objective, child.fit):
             continue  # of an amplitude that its own shape can undo an interval says nothing
-        weak = [part for part, c in zip(parts, over, strict=True) if not c.stands]
+        weak = [(part, c) for part, c in zip(parts, over, strict=True) if not c.stands]
         if slight:
             small.append(child)
         elif weak:
@@ -382,11 +382,17 @@ def standing(judgement: Judgement) -> list[Judged]:
     return sorted(found, key=lambda j: -score(judgement, j))
 
 
-def _of_their_own(judgement: Judgement, asked: Sequence[tuple[Judged, list[Judged]]], lead: float) -> list[Judged]:
+def _of_their_own(
+    judgement: Judgement, asked: Sequence[tuple[Judged, list[tuple[Judged, Comparison]]]], lead: float
+) -> list[Judged]:
     """Of sets that would lead, those that show beside each part what no other form of it could: the best few are asked."""
-    leading: dict[tuple[str, ...], tuple[Judged, list[Judged]]] = {}
-    scored = [(score(judgement, child), child, weak) for child, weak in asked]
-    for _, child, weak in sorted((s for s in scored if s[0] > lead), key=lambda s: -s[0]):
-        leading.setdefault(child.names, (child, weak))
-    few = list(leading.values())[:ASKED]
-    return [child for child, weak in few if all(of_its_own(judgement, part, child) for part in weak)]
+    found: list[Judged] = []
+    would = sorted((a for a in asked if score(judgement, a[0]) > lead), key=lambda a: -score(judgement, a[0]))
+    for agreeing, shown in ((True, of_its_own), (False, shown_in_absence)):
+        leading: dict[tuple[str, ...], tuple[Judged, list[tuple[Judged, Comparison]]]] = {}
+        for child, weak in would:
+            if all(c.beside for _, c in weak) is agreeing:
+                leading.setdefault(child.names, (child, weak))
+        few = list(leading.values())[:ASKED]
+        found.extend(child for child, weak in few if all(shown(judgement, part, child) for part, _ in weak))
+    return found

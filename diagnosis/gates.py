@@ -141,8 +141,16 @@ class Comparison:
         Held-out runs must gain what was foretold, each of them.
         """
         agrees = AGREES < self.held_gain / max(self.foretold_held, HELD) < 1.0 / AGREES
+        return self.perhaps_beside and agrees and self.share_of_runs >= AGREES
+
+    @property
+    def perhaps_beside(self) -> bool:
+        """Whether it is real enough for that; where the first one does nothing it may be seen by itself.
+
+        What the first one's form leaves in the other runs says nothing of a second effect there.
+        """
         much = self.gain > REAL_BESIDE and self.material > MATERIAL_BESIDE
-        return self.parents == 1 and much and self.carries_over and agrees and self.share_of_runs >= AGREES
+        return self.parents == 1 and much and self.carries_over
 
     @property
     def evident(self) -> bool:
