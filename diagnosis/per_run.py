@@ -289,23 +289,23 @@ def _weights(members: NDArray[np.bool_]) -> tuple[float, ...]:
 
 
 def _fitted(stage: Stage, spec: EffectSpec, size: float) -> Fit:
-    """A payload of about ``size`` [kg m^2 or kg] beside the base, roughly fitted."""
-    where = coordinates(stage.objective.problem, (spec,))
-    theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    """A payload of about ``size`` [kg m^2 or kg] beside what is fitted already, roughly fitted."""
+    where = coordinates(stage.objective.problem, (*stage.fit.coordinates.effects, spec))
+    theta, effects = stage.fit.coordinates.unpack(stage.fit.x)
     start = ActiveEffect(spec, (size, *spec.starts(stage.objective.problem)[0]))
     return least_squares(
-        stage.objective, where, where.pack(theta, (start,)), iterations=5, tolerance=1e-2, simulations=40
+        stage.objective, where, where.pack(theta, (*effects, start)), iterations=5, tolerance=1e-2, simulations=40
     )
 
 
 def _who_carries(stage: Stage, everything: Objective, spec: EffectSpec, size: float) -> NDArray[np.bool_]:
     """Which runs are nearer to what the fitted payload predicts with it than without, shape (n_runs,)."""
     fit = _fitted(stage, spec, size)
-    theta, (payload,) = fit.coordinates.unpack(fit.x)
+    theta, (*others, payload) = fit.coordinates.unpack(fit.x)
     misfits = []
     for weight in (0.0, 1.0):
         all_alike = replace(spec, run_weights=(weight,) * len(stage.objective.problem.runs))
-        predictions = everything.predictions(theta, (ActiveEffect(all_alike, payload.values),))
+        predictions = everything.predictions(theta, (*others, ActiveEffect(all_alike, payload.values)))
         left = [everything.whiten_run(i, y) for i, y in enumerate(predictions)]
         misfits.append([float(w @ w) for w in left])
     return np.asarray(np.array(misfits[1]) < np.array(misfits[0]))

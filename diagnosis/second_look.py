@@ -12,8 +12,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, evidence
+from jointscope.diagnosis.base import Stage
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
-from jointscope.diagnosis.gates import REAL_FURTHER
+from jointscope.diagnosis.gates import LOST_UNREACHED, REAL_FURTHER, REAL_UNREACHED
+from jointscope.diagnosis.per_run import per_run_specs
 from jointscope.diagnosis.polish import polished
 from jointscope.diagnosis.refit import with_fresh_jacobian
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_leading, leaders, name_of, nested, screen_on
@@ -36,7 +38,15 @@ def second_look(
     if len(parent.names) >= effort.size:
         return []
     left = residuals_of(objective, chosen.predictions)
-    free = [s for s in specs if name_of(s) not in parent.names and not nested(name_of(s), parent.names)]
+    as_decided = Stage(objective, parent.fit, judgement.noise, chosen.predictions)
+    sorted_runs = (
+        per_run_specs(as_decided, objective.problem) if parent.names else ()
+    )  # the base's are known already
+    free = [
+        s
+        for s in (*specs, *sorted_runs)
+        if name_of(s) not in parent.names and not nested(name_of(s), parent.names)
+    ]
     fit = with_fresh_jacobian(objective, replace(parent.fit, fresh=False))
     screening = screen_on(objective, fit, candidates_for(objective.problem, free, left), effort)
     trials = leaders(screening.leading, FITTED, 2.0 * REAL_FURTHER, parent.names)
@@ -45,6 +55,7 @@ def second_look(
         for child in fit_leading(objective, fit, parent.specs, [trial], effort):
             judged = evidence(polished(objective, child), objective, judgement.held)
             against = compare(judgement, chosen, judged)
-            if against.gain > REAL_FURTHER and against.carries_over:
+            much = against.gain > REAL_UNREACHED and against.lost < LOST_UNREACHED  # by noise that is full of it
+            if against.gain > REAL_FURTHER and (against.carries_over or much):
                 found.append(judged.hypothesis)
     return found
