@@ -13,6 +13,7 @@ import numpy as np
 
 from jointscope.diagnosis.gates import REAL
 from jointscope.diagnosis.poles import joint_poles
+from jointscope.diagnosis.search import name_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
@@ -24,9 +25,7 @@ def only_at_resonance(judgement: Judgement, child: Judged, parent: Judged) -> bo
     """Whether the child adds a line on a pole of the joint, and gains too little in the runs that do not ring there."""
     theta, effects = child.fit.coordinates.unpack(child.fit.x)
     poles = joint_poles(judgement.objective.problem, theta)
-    lines = [
-        a.values[0] for a in effects if a.spec.profiled and f"{a.spec.name}@{a.spec.location}" not in parent.names
-    ]
+    lines = [a.values[0] for a in effects if a.spec.profiled and name_of(a.spec) not in parent.names]
     ringing = {
         moves
         for moves, (f, zeta) in poles.items()

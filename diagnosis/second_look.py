@@ -39,17 +39,13 @@ def second_look(
         return []
     left = residuals_of(objective, chosen.predictions)
     as_decided = Stage(objective, parent.fit, judgement.noise, chosen.predictions)
-    sorted_runs = (
-        per_run_specs(as_decided, objective.problem) if parent.names else ()
-    )  # the base's are known already
-    free = [
-        s
-        for s in (*specs, *sorted_runs)
-        if name_of(s) not in parent.names and not nested(name_of(s), parent.names)
-    ]
+    # the base's own sorting of the runs is among those that were tried
+    by_runs = per_run_specs(as_decided, objective.problem) if parent.names else ()
+    taken = parent.names
+    free = [s for s in (*specs, *by_runs) if name_of(s) not in taken and not nested(name_of(s), taken)]
     fit = with_fresh_jacobian(objective, replace(parent.fit, fresh=False))
     screening = screen_on(objective, fit, candidates_for(objective.problem, free, left), effort)
-    trials = leaders(screening.leading, FITTED, 2.0 * REAL_FURTHER, parent.names)
+    trials = leaders(screening.leading, FITTED, 2.0 * REAL_FURTHER, taken)
     found = []
     for trial in trials:
         for child in fit_leading(objective, fit, parent.specs, [trial], effort):

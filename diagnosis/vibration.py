@@ -51,6 +51,8 @@ def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -
 def beside(tapered: Vector, place: float) -> float:
     """Power of what is left beside a line, per sample: an angle's slow part is no noise to a tone.
 
+    Of the whole where a record is too short, or too slow, to have anything beside it.
+
     Args:
         tapered: The residual, Hann tapered, shape (n,).
         place: Frequency of the line over the sampling rate.
@@ -58,7 +60,8 @@ def beside(tapered: Vector, place: float) -> float:
     power = np.abs(np.fft.rfft(tapered)) ** 2
     at = round(place * tapered.size)
     near = np.concatenate([power[max(at - BESIDE, 1) : max(at - 3, 1)], power[at + 4 : at + 1 + BESIDE]])
-    return max(float(np.median(near)) / tapered.size if near.size else 0.0, 1e-300)
+    level = float(np.median(near)) / tapered.size if near.size else float(np.mean(np.square(tapered)))
+    return max(level, 1e-300)
 
 
 def response(assembly: Assembly, run: PreparedRun, output: Output, omega: float) -> complex:

@@ -36,6 +36,11 @@ def test_the_noise_beside_a_line_is_that_of_its_own_band():
     assert white == pytest.approx(np.log(2.0) * 3.0 / 8.0, rel=0.5)  # median of a periodogram, Hann's own power
 
 
+def test_a_log_too_slow_for_a_line_does_not_decide_its_phase():
+    x = np.hanning(N) * np.random.default_rng(5).normal(0.0, 1.0, N)
+    assert beside(x, 1.7) == pytest.approx(np.mean(np.square(x)))
+
+
 @pytest.mark.parametrize(
     ("line", "held", "free", "doubted"),
     [

@@ -138,10 +138,8 @@ def test_a_further_effect_that_explains_nearly_all_that_is_left_needs_no_share_o
     assert replace(weak, rest=0.4, gain=14e3).real
 
 
-@pytest.mark.parametrize(("shared", "sure"), [(3000.0, True), (0.0, False)])
-def test_a_form_that_both_sets_share_is_off_in_both(monkeypatch, shared, sure):
-    """21 nats of 3900 between two partners: decisive where all but a thousand are the shared effect's own."""
-    scores = {(): 0.0, ("a@motor",): shared, ("a@motor", "b@load"): 3921.0, ("a@motor", "c@load"): 3900.0}
+def leading_of(monkeypatch, scores):
+    """The first of the ranking of sets that all stand, by their scores; the first of them is the base."""
     judged = [SimpleNamespace(names=names) for names in scores]
     monkeypatch.setattr(verdict, "standing", lambda j: judged[1:])
     monkeypatch.setattr(verdict, "score", lambda j, one: scores[one.names])
@@ -152,7 +150,14 @@ def test_a_form_that_both_sets_share_is_off_in_both(monkeypatch, shared, sure):
     monkeypatch.setattr(verdict, "compare", lambda *_: None)
     for one in judged:
         one.fit = SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, ())))
-    top = rank(SimpleNamespace(judged=judged, base=judged[0]))[0]
+    return rank(SimpleNamespace(judged=judged, base=judged[0]))[0]
+
+
+@pytest.mark.parametrize(("shared", "sure"), [(3000.0, True), (0.0, False)])
+def test_a_form_that_both_sets_share_is_off_in_both(monkeypatch, shared, sure):
+    """21 nats of 3900 between two partners: decisive where all but a thousand are the shared effect's own."""
+    scores = {(): 0.0, ("a@motor",): shared, ("a@motor", "b@load"): 3921.0, ("a@motor", "c@load"): 3900.0}
+    top = leading_of(monkeypatch, scores)
     assert top.names == ("a@motor", "b@load") and (top.probability > SURE_OF_SETS) is sure
 
 
@@ -189,16 +194,6 @@ def test_a_pair_need_not_lead_the_other_form_of_its_friction_by_a_tenth(monkeypa
     """Coulomb's friction and a sensor's gain led Stribeck's friction alone by 1.06: no form of friction is a gain."""
     pair = ("coulomb-friction@motor", "sensor-gain@acquisition")
     scores = {(): 0.0, pair[:1]: 940.0, (other,): 950.0, pair: 1000.0}
-    judged = [SimpleNamespace(names=names) for names in scores]
-    monkeypatch.setattr(verdict, "standing", lambda j: judged[1:])
-    monkeypatch.setattr(verdict, "score", lambda j, one: scores[one.names])
-    monkeypatch.setattr(verdict, "contains", lambda outer, inner: False)
-    monkeypatch.setattr(verdict, "resembled", lambda one: None)
-    monkeypatch.setattr(verdict, "distance", lambda *_: 1e4)
-    monkeypatch.setattr(verdict, "foreknown", lambda effects: 0.0)
-    monkeypatch.setattr(verdict, "compare", lambda *_: None)
     monkeypatch.setattr(verdict, "of_its_own", lambda *_: own)
-    for one in judged:
-        one.fit = SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, ())))
-    top = rank(SimpleNamespace(judged=judged, base=judged[0]))[0]
+    top = leading_of(monkeypatch, scores)
     assert (top.names == pair) is leads
