@@ -40,6 +40,7 @@ class Carrier:
         frictionloss, armature: [at the element].
         limited: Whether its travel is bounded.
         yields: Whether its spring gives way (``springyield``).
+        play: Width of its spring's dead band (a two-valued ``springlength``) [at the element].
     """
 
     kind: Literal["joint", "fixed"]
@@ -52,6 +53,7 @@ class Carrier:
     armature: float
     limited: bool
     yields: bool = False
+    play: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,6 +152,7 @@ def _carriers(model: mujoco.MjModel, dofs: list[int], p: Real) -> Iterator[Carri
             "fixed", model.tendon(t).name, *found, (float(model.tendon_stiffness[t]), *map(float, model.tendon_stiffnesspoly[t])),
             (float(model.tendon_damping[t]), *map(float, model.tendon_dampingpoly[t])), float(model.tendon_frictionloss[t]),
             float(model.tendon_armature[t]), bool(model.tendon_limited[t]), bool(model.tendon_springyield[t] > 0.0),
+            float(model.tendon_lengthspring[t, 1] - model.tendon_lengthspring[t, 0]),
         )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from jointscope.experiments.own_model.content import Carrier, Content, Place
-from jointscope.experiments.own_model.edits import put, tag_of
+from jointscope.experiments.own_model.edits import number, put, tag_of
 from jointscope.experiments.own_model.wanted import Change, Wanted
 from jointscope.experiments.own_model.xml_document import Draft
 
@@ -28,6 +28,8 @@ def contradicted(content: Content, wanted: Wanted, draft: Draft) -> Iterator[Cha
         nonlinear = wanted.find("stiffness-nonlinearity") is not None and carrier.place == spring_at
         if any(carrier.stiffness[1:]) and not nonlinear:
             yield _linear(carrier, "stiffness", f"a spring that is not linear ({label})")
+        if carrier.play > 0.0 and carrier.place == spring_at and wanted.find("backlash") is None:
+            yield _closed(content, carrier)
         drag = wanted.find("quadratic-damping") is not None and carrier.place == "load"
         if any(carrier.damping[1:]) and not drag:
             yield _linear(carrier, "damping", f"damping that grows with speed ({label})")
@@ -60,6 +62,17 @@ def _linear(carrier: Carrier, attribute: str, what: str) -> Change:
         f"the model holds {what}, the recording does not",
         edit,
     )
+
+
+def _closed(content: Content, carrier: Carrier) -> Change:
+    """Without the dead band, about the middle of which its spring then acts."""
+    middle = float(np.mean(content.system.model.tendon_lengthspring[content.system.model.tendon(carrier.name).id]))
+
+    def edit(draft: Draft) -> None:
+        draft.put(tag_of(draft, carrier), "springlength", number(middle))
+
+    reason = f"the model holds a dead band of {number(carrier.play / abs(carrier.lever))} at the joint's output ({carrier.kind} {carrier.name}), the recording does not"
+    return Change(f"{carrier.name}_springlength", "contradicted", reason, edit)
 
 
 def _unlimited(carrier: Carrier) -> Change:

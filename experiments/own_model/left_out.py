@@ -39,8 +39,14 @@ def left_out(content: Content, wanted: Wanted, notes: list[str]) -> Iterator[Cha
                 f"{name}@{entry['location']}: no element of MJCF puts it into this file; effects.json holds it"
             )
             continue
+        key, interval = f"{name}@{entry['location']}", interval_of(entry, main)
+        if name == "backlash" and carrier is not None and carrier.play > 0.0:
+            held, found = number(carrier.play / abs(carrier.lever)), number(p["gap"])
+            reason = f"backlash: the model has {held}, the recording {found} at the joint output"
+            yield Change(key, "parameters", reason, made, interval)
+            continue
         reason = f"{name.replace('-', ' ')}: the recording shows it, the model has none"
-        yield Change(f"{name}@{entry['location']}", "left-out", reason, made, interval_of(entry, main))
+        yield Change(key, "left-out", reason, made, interval)
 
 
 def _backlash(carrier: Carrier, p: Mapping[str, float]) -> Callable[[Draft], None]:

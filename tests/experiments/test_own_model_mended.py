@@ -93,6 +93,29 @@ def test_a_planted_mistake_gets_the_largest_share_and_its_patch_mends_it(
     assert found.kept[0].gain_alone == pytest.approx(found.error - found.remaining)
 
 
+BAND = ' springlength="-0.001 0.001"'
+
+
+def test_a_dead_band_that_the_rig_has_not_is_closed_about_its_middle(tmp_path: Path, plain: Campaign) -> None:
+    text = GEARED.replace('stiffness="193665"', 'stiffness="193665"' + BAND)
+    found = study(plain, written(tmp_path, text), joint=GEARED_JOINT)
+    assert max(found.shares, key=lambda k: found.shares[k]) == "contradicted"
+    assert [k.change.key for k in found.kept] == ["gear_springlength"]
+    assert "a dead band of 0.002 at the joint's output" in found.kept[0].change.reason
+    assert found.remaining < 0.02 < found.error
+
+
+def test_play_of_another_width_is_a_wrong_value_and_no_physics_left_out(tmp_path: Path) -> None:
+    text = GEARED.replace('stiffness="193665"', 'stiffness="193665"' + BAND)
+    path = written(tmp_path, text)
+    content = read_content(load_own(path), GEARED_JOINT, two=True, angle=0.0, ratio=N)
+    changes, _ = proposals(content, wanted(entry("backlash", "transmission", gap=3e-3)), Draft(read_sources(path)))
+    mended = next(c for c in changes if c.key == "backlash@transmission")
+    assert mended.share == "parameters"
+    assert "the model has 0.002, the recording 0.003" in mended.reason
+    assert not [c for c in changes if c.share == "contradicted"]
+
+
 def test_friction_that_was_left_out_is_put_into_the_file(tmp_path: Path) -> None:
     rubbing = PLANTED["contradicted"][0].replace("5e-4", "2e-4")
     campaign = recorded(written(tmp_path, rubbing, "truth.xml"), JOINT)
