@@ -23,7 +23,7 @@ from jointscope.experiments.own_model.edits import (
     put_into_section,
     tag_of,
 )
-from jointscope.experiments.own_model.inertia import put_mass
+from jointscope.experiments.own_model.inertia import heavier_by, put_mass
 from jointscope.experiments.own_model.left_out import left_out
 from jointscope.experiments.own_model.wanted import Change, Interval, Share, Wanted, interval_of
 from jointscope.experiments.own_model.xml_document import Draft
@@ -184,14 +184,8 @@ def _value_change(
 def _mass_change(content: Content, wanted: Wanted) -> Change | None:
     """Inertia about the joint and moment of the weight, which one body carries."""
     old, new = content.values["load_inertia"], wanted.base["load_inertia"]
-    gravity = wanted.find("gravity")
-    moment = complex(wanted.base["gravity_moment"])
-    if gravity is not None:
-        p = gravity["parameters"]
-        moment += p["moment"] * complex(math.cos(p.get("phase") or 0.0), math.sin(p.get("phase") or 0.0))
-    heavier = 0.0
-    if wanted.vertical and content.system.model.jnt_type[content.system.model.joint(content.joint.link).id] == 3:
-        heavier = abs(moment) - abs(content.weight)
+    gravity, moment = wanted.find("gravity"), wanted.weight
+    heavier = heavier_by(content, wanted)
     if abs(new - old) <= 1e-4 * old and abs(heavier) <= 1e-3 * abs(moment):
         return None
     interval = wanted.intervals.get("load_inertia")

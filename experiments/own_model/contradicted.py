@@ -71,7 +71,8 @@ def _closed(content: Content, carrier: Carrier) -> Change:
     def edit(draft: Draft) -> None:
         draft.put(tag_of(draft, carrier), "springlength", number(middle))
 
-    reason = f"the model holds a dead band of {number(carrier.play / abs(carrier.lever))} at the joint's output ({carrier.kind} {carrier.name}), the recording does not"
+    width, label = number(carrier.play / abs(carrier.lever)), f"{carrier.kind} {carrier.name}"
+    reason = f"the model holds a dead band of {width} at the joint's output ({label}), the recording does not"
     return Change(f"{carrier.name}_springlength", "contradicted", reason, edit)
 
 

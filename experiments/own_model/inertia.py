@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
 from jointscope.experiments.own_model.content import Content
+from jointscope.experiments.own_model.wanted import Wanted
 from jointscope.experiments.own_model.xml_document import Draft, Tag
 
 Real = NDArray[np.float64]
@@ -47,6 +48,13 @@ def mass_properties(model: mujoco.MjModel, joint: str) -> MassProperties:
     axes = turn.reshape(3, 3)
     inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
     return MassProperties(float(model.body_mass[body]), model.body_ipos[body].copy(), inertia, axes)
+
+
+def heavier_by(content: Content, wanted: Wanted) -> float:
+    """What the moment of the link's weight lacks [N m]; 0 where weight does not act on the joint."""
+    model = content.system.model
+    turns = model.jnt_type[model.joint(content.joint.link).id] == int(mujoco.mjtJoint.mjJNT_HINGE)
+    return abs(wanted.weight) - abs(content.weight) if wanted.vertical and turns else 0.0
 
 
 def put_mass(draft: Draft, content: Content, change: float, moment: float = 0.0) -> None:
@@ -214,6 +222,7 @@ def _insert(draft: Draft, body: Tag, now: MassProperties, mass: float, centre: R
         f'<inertial pos="{_numbers(centre)}" quat="{_numbers(quat)}" mass="{_numbers([mass])}" '
         f'diaginertia="{_numbers(values)}"/>'
     )
+    draft.withdraw(body, "<inertial")
     draft.add(body, text, element=f"body {body.name}".strip())
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import mujoco
+
 from jointscope.experiments.own_model.content import Carrier, Content, Place
 from jointscope.experiments.own_model.edits import coefficients, number, over_joints, put, put_tendon, tag_of
+from jointscope.experiments.own_model.inertia import heavier_by, put_mass
 from jointscope.experiments.own_model.wanted import Change, Wanted, interval_of
 from jointscope.experiments.own_model.xml_document import Draft
 from jointscope.models.effects.transmission import SLIP_LEVELS
@@ -34,12 +38,17 @@ def left_out(content: Content, wanted: Wanted, notes: list[str]) -> Iterator[Cha
             made = _drag(content, p)
         elif name == "end-stop":
             made = _stop(content, entry)
+        elif name == "neighbour-flexibility" and set(p) <= {"frequency", "modal_share", "damping"}:
+            made = _neighbour(content, wanted, p)
         if made is None:
             notes.append(
                 f"{name}@{entry['location']}: no element of MJCF puts it into this file; effects.json holds it"
             )
             continue
-        key, interval = f"{name}@{entry['location']}", interval_of(entry, main)
+        key = f"{name}@{entry['location']}"
+        interval = (
+            None if name == "neighbour-flexibility" else interval_of(entry, main)
+        )  # a frequency is no attribute
         if name == "backlash" and carrier is not None and carrier.play > 0.0:
             held, found = number(carrier.play / abs(carrier.lever)), number(p["gap"])
             reason = f"backlash: the model has {held}, the recording {found} at the joint output"
@@ -115,6 +124,34 @@ def _drag(content: Content, p: Mapping[str, float]) -> Callable[[Draft], None]:
             )
         else:
             put(draft, carrier, "damping", p["coefficient"] / abs(carrier.lever) ** 3, 1)
+
+    return edit
+
+
+def _neighbour(content: Content, wanted: Wanted, p: Mapping[str, float]) -> Callable[[Draft], None]:
+    """A part J_p of the link's inertia on a spring of its own about the link's axis, which no sensor rides on."""
+    model, link = content.system.model, content.joint.link
+    own = model.joint(link)
+    slides = model.jnt_type[own.id] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    total = wanted.base["load_inertia"]
+    part = min(p["modal_share"], 0.95) * total
+    omega = 2.0 * math.pi * p["frequency"]
+    axis, anchor = (" ".join(number(v) for v in vector) for vector in (own.axis, own.pos))
+    mass, inertia = (part, 1e-6 * part) if slides else (1e-9, part)
+    text = (
+        f'<body name="{link}_neighbour">\n'
+        f'  <inertial pos="{anchor}" mass="{number(mass)}" diaginertia="{" ".join([number(inertia)] * 3)}"/>\n'
+        f'  <joint name="{link}_neighbour" type="{"slide" if slides else "hinge"}" axis="{axis}" pos="{anchor}" '
+        f'stiffness="{number(part * omega**2)}" damping="{number(2.0 * p["damping"] * omega * part)}" armature="0" '
+        f'frictionloss="0" limited="false"/>\n'
+        f"</body>"
+    )
+
+    def edit(draft: Draft) -> None:
+        body = draft.sources.element("joint", link).parent
+        assert body is not None
+        put_mass(draft, content, total - part - content.values["load_inertia"], heavier_by(content, wanted))
+        draft.add(body, text, element=f"body {link}_neighbour")
 
     return edit
 

@@ -67,6 +67,17 @@ class Wanted:
         """The first effect of one of these names."""
         return next((e for e in self.effects if e["effect"] in names and location in (None, e["location"])), None)
 
+    @property
+    def weight(self) -> complex:
+        """M exp(i phi) of the gravity torque -M cos(q + phi), what was left out of it added [N m]."""
+        moment = complex(self.base["gravity_moment"])
+        gravity = self.find("gravity")
+        if gravity is not None:
+            p = gravity["parameters"]
+            phase = p.get("phase") or 0.0
+            moment += p["moment"] * complex(math.cos(phase), math.sin(phase))
+        return moment
+
 
 def interval_of(entry: Mapping[str, Any], name: str) -> Interval:
     found = entry.get("intervals", {}).get(name)

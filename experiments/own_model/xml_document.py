@@ -284,6 +284,14 @@ class Draft:
         self.insertions.append((tag.file, place, body))
         self._note(tag, element, "(new element)", "", " ".join(text.split()))
 
+    def withdraw(self, tag: Tag, beginning: str) -> None:
+        """Take back what was put into ``tag`` and begins so: another edit writes it anew."""
+        for row in [row for row in self.insertions if row[0] == tag.file and row[2].strip().startswith(beginning)]:
+            if row[1] in (tag.close, _line_start(self.sources.texts[tag.file], tag.close)):
+                self.insertions.remove(row)
+        self.lines = [row for row in self.lines if not (row.attribute == "(new element)" and row.new.startswith(beginning)
+                      and row.line == self.sources.line(tag))]  # fmt: skip
+
     def _note(self, tag: Tag, element: str, attribute: str, old: str, new: str) -> None:
         self.lines = [row for row in self.lines if (row.element, row.attribute) != (element, attribute)
                       or attribute == "(new element)"]  # fmt: skip

@@ -191,6 +191,38 @@ def test_a_native_effect_has_its_closed_form(tmp_path: Path, form: str, effect: 
     assert notes == []
 
 
+INERTIAL = '<inertial pos="0.5 0 0" mass="12" diaginertia="0.001 0.02 0.02"/>'
+
+
+@pytest.mark.parametrize("body", [INERTIAL, '<geom type="box" pos="0.5 0 0" size="0.1 0.02 0.02" mass="13"/>'])
+@pytest.mark.parametrize("form", ["nested", "geared"])
+def test_a_neighbour_takes_its_part_of_the_inertia_onto_its_own_spring(
+    tmp_path: Path, form: str, body: str
+) -> None:
+    text, joint = (nested(), JOINT) if form == "nested" else (GEARED, GEARED_JOINT)
+    path = written(tmp_path, text.replace(INERTIAL, body))
+    content = read_content(load_own(path), joint, two=True, angle=0.0, ratio=N)
+    part, frequency = 0.1, 26.0
+    effect = entry("neighbour-flexibility", "neighbour", frequency=frequency, modal_share=part, damping=0.02)
+    asked = wanted(effect)
+    total = asked.base["load_inertia"]
+    draft = Draft(read_sources(path))
+    changes, notes = proposals(content, asked, draft)
+    for change in changes:  # the inertia's own line too, where it is off
+        if change.key in ("load_inertia", "neighbour-flexibility@neighbour"):
+            change.edit(draft)
+    assert notes == []
+    model = load_own(place(read_sources(path), draft.texts(), tmp_path / "out")).compile()
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    both = [int(model.joint(name).dofadr[0]) for name in (joint.link, f"{joint.link}_neighbour")]
+    assert mass[np.ix_(both, both)] == pytest.approx(total * np.array([[1.0, part], [part, part]]), rel=1e-5)
+    spring = model.joint(f"{joint.link}_neighbour")
+    assert float(spring.stiffness[0]) == pytest.approx(part * total * (2.0 * np.pi * frequency) ** 2, rel=1e-5)
+    assert float(spring.damping[0]) == pytest.approx(2.0 * 0.02 * part * total * 2.0 * np.pi * frequency, rel=1e-5)
+
+
 def test_an_effect_without_an_element_is_said_to_be_in_effects_json(tmp_path: Path) -> None:
     path = written(tmp_path, nested())
     content = read_content(load_own(path), JOINT, two=True, angle=0.0, ratio=N)
