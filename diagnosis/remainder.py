@@ -42,6 +42,7 @@ class Remainder:
         held_gain, foretold: On the held-out runs, found and due if true [nats].
         material: RMS of what is explained over the signal's [-].
         echo: The same of what the white noise of a torque log makes the model do; 0 where no log drives it.
+        dispersion: By how much the gains were divided, since the model leaves that many times what noise is [-].
         order: Periods per turn of the joint output, where it is what repeats with the turn and not what follows the input.
     """
 
@@ -51,6 +52,7 @@ class Remainder:
     foretold: float
     material: float
     echo: float = 0.0
+    dispersion: float = 1.0
     order: float | None = None
 
     @property
@@ -140,7 +142,7 @@ def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
         material = math.sqrt(float(explained @ explained) / fitted.signal) if fitted.signal > 0.0 else 0.0
         foretold = 0.5 * float(change @ change) / dispersion
         echo = _echo(judgement, key, fitted.signal + kept.signal)
-        found.append(Remainder(key, gain, held_gain, foretold, material, echo))
+        found.append(Remainder(key, gain, held_gain, foretold, material, echo, dispersion))
     return tuple(sorted(found, key=lambda r: -r.gain))
 
 

@@ -335,7 +335,8 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
 
 
 def _owed(found: Sequence[Remainder]) -> float:
-    return sum(r.gain + r.held_gain for r in found if r.stands)
+    """Nats by the noise that the best answer leaves, by which what is named is scored too."""
+    return sum((r.gain + r.held_gain) * r.dispersion for r in found if r.stands)
 
 
 def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: Sequence[Remainder]) -> Decision:

@@ -128,12 +128,36 @@ def own_system(spec: mujoco.MjSpec, joint: OwnJoint, *, brake: Real | None = Non
     if brake is None or joint.rotor is None:
         return free
     rotor = int(model.joint(joint.rotor).dofadr[0])
-    _hold(spec, joint.rotor, float(brake[rotor]))
+    along, gone = geared(model, joint.rotor), braked(model, joint.rotor)
+    for equality in [e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT
+                     and {joint.rotor, *along} & {e.name1, e.name2}]:  # fmt: skip
+        spec.delete(equality)
+    for name in (joint.rotor, *along):
+        _hold(spec, name, float(brake[int(model.joint(name).dofadr[0])]))
     held = spec.compile()
-    keep = [k for k in range(model.nv) if k != rotor]
+    keep = [k for k in range(model.nv) if k not in gone]
     q_s = joint.sign * (float(free.motor @ brake) * joint.sign - free.zero)
     return OwnSystem(held, free.arm[keep], np.zeros(len(keep)), free.sensor[keep],
                      free.zero - joint.sign * float(free.arm[rotor] * brake[rotor]), q_s)  # fmt: skip
+
+
+def geared(model: mujoco.MjModel, joint: str) -> dict[str, float]:
+    """Joints that an equality makes turn with ``joint``, as a gear does, and by how much of its coordinate each."""
+    own, found = int(model.joint(joint).id), {}
+    for e in range(model.neq):
+        pair = [int(model.eq_obj1id[e]), int(model.eq_obj2id[e])]  # the first is a polynomial of the second
+        ratio, bent = float(model.eq_data[e][1]), np.any(model.eq_data[e][2:5])
+        if model.eq_type[e] != int(mujoco.mjtEq.mjEQ_JOINT) or not model.eq_active0[e] or own not in pair:
+            continue
+        if min(pair) >= 0 and ratio != 0.0 and not bent:
+            other = pair[1 - pair.index(own)]
+            found[model.joint(other).name] = ratio if other == pair[0] else 1.0 / ratio
+    return found
+
+
+def braked(model: mujoco.MjModel, rotor: str) -> list[int]:
+    """Degrees of freedom that stand when the motor does: the rotor's, and what is geared to it."""
+    return [int(model.joint(name).dofadr[0]) for name in (rotor, *geared(model, rotor))]
 
 
 def _check(spec: mujoco.MjSpec, joint: OwnJoint) -> None:

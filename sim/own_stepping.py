@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign, Run
-from jointscope.sim.own_model import OwnJoint, OwnRest, OwnSystem, drive_on, own_rest, own_system, turning
+from jointscope.sim.own_model import (
+    OwnJoint,
+    OwnRest,
+    OwnSystem,
+    braked,
+    drive_on,
+    geared,
+    own_rest,
+    own_system,
+    turning,
+)
 from jointscope.sim.physics import BASE, Physics
 from jointscope.sim.replay import duration_of, motor_held, with_outputs
 from jointscope.sim.replay_inputs import (
@@ -76,7 +86,7 @@ def own_run(
     if held and not single:
         if joint.rotor is None:
             return _read(campaign, run, _still(system, run, times, joint), origin, physics)
-        kept = np.delete(rest.x, np.flatnonzero(system.motor))
+        kept = np.delete(rest.x, braked(system.model, joint.rotor))
         system, rest = own_system(spec, joint, brake=rest.x), OwnRest(kept, 0.0)
     trace = _step_run(campaign, run, system, joint, rest, times, origin, physics, loop, torque,
                       held=held, reaction=rest.torque if single and grounded else 0.0)  # fmt: skip
@@ -118,6 +128,8 @@ def _step_run(
     if speed:
         k = int(np.flatnonzero(lead)[0])
         start_speed[k] = speed / lead[k]
+        for other, turns in geared(model, model.joint(int(model.dof_jntid[k])).name).items():
+            start_speed[int(model.joint(other).dofadr[0])] = turns * start_speed[k]
     law = physics.law(model) if physics.law else None
     if controller is None and law is None:
         path = _roll(model, rest.x, start_speed, control, applied)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.errors import InputError
-from jointscope.sim.own_model import OwnJoint, OwnSystem, own_rest, own_system, turning
+from jointscope.sim.own_model import OwnJoint, OwnSystem, geared, own_rest, own_system, turning
 
 Real = NDArray[np.float64]
 
@@ -107,12 +107,20 @@ def read_content(spec: mujoco.MjSpec, joint: OwnJoint, *, two: bool, angle: floa
 
 
 def _rows(system: OwnSystem, joint: OwnJoint) -> tuple[list[int], Real]:
-    """Degrees of freedom of (rotor, link) or of the link alone, and P, one row each, shape (k, 2)."""
-    link = int(system.model.joint(joint.link).dofadr[0])
+    """Degrees of freedom of (rotor, link) or of the link alone, what is geared to each, and P, a row each, shape (k, 2)."""
+    model = system.model
+    link = int(model.joint(joint.link).dofadr[0])
     if joint.rotor is None:
-        return [link], np.array([[0.0, 1.0 / system.arm[link]]])
-    dofs = [int(system.model.joint(joint.rotor).dofadr[0]), link]
-    return dofs, np.linalg.inv(np.array([system.motor[dofs], system.arm[dofs]]))
+        dofs, p = [link], np.array([[0.0, 1.0 / system.arm[link]]])
+    else:
+        dofs = [int(model.joint(joint.rotor).dofadr[0]), link]
+        p = np.linalg.inv(np.array([system.motor[dofs], system.arm[dofs]]))
+    for name, row in zip((joint.rotor or joint.link, joint.link), p.copy(), strict=False):
+        for other, ratio in geared(model, name).items():
+            dof = int(model.joint(other).dofadr[0])
+            if dof not in dofs:
+                dofs, p = [*dofs, dof], np.vstack([p, ratio * row])
+    return dofs, p
 
 
 def _placed(row: Real) -> tuple[Place, float] | None:

@@ -144,9 +144,14 @@ def _posed(law: Law, edits: list[Law], run: Run) -> Law:
 
 
 def _load(spec: mujoco.MjSpec, inertia: float) -> None:
-    """Inertia [kg m^2 or kg] without weight on the arm."""
-    arm = spec.body("arm")
-    if spec.joint("reducer").type == mujoco.mjtJoint.mjJNT_SLIDE:
+    """Inertia [kg m^2 or kg] without weight on the arm, whatever its frame: a body of its own; less of it off the arm's."""
+    joint = spec.joint("reducer")
+    arm, slides = joint.parent, joint.type == mujoco.mjtJoint.mjJNT_SLIDE
+    if inertia > 0.0:
+        load = arm.add_body(gravcomp=1.0)
+        load.explicitinertial, load.ipos = True, np.asarray(joint.pos, dtype=float)
+        load.mass, load.inertia = (inertia, [1e-6 * inertia] * 3) if slides else (1e-9, [inertia] * 3)
+    elif slides:
         arm.mass = max(arm.mass + inertia, 1e-9)
-        return
-    arm.inertia = np.maximum(np.array(arm.inertia) + np.array([0.1, 1.0, 1.0]) * inertia, 1e-12)
+    else:
+        arm.inertia = np.maximum(np.array(arm.inertia) + np.array([0.1, 1.0, 1.0]) * inertia, 1e-12)

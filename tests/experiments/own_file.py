@@ -50,6 +50,19 @@ GEARED = """<mujoco><option timestep="2e-4" integrator="RK4" gravity="0 0 0"/><w
   <actuator><motor name="m" joint="rotor" gear="0.7"/></actuator></mujoco>
 """
 
+SHAFTED = """<mujoco><option timestep="2e-4" integrator="RK4" gravity="0 0 0"/><worldbody>
+  <body name="servo"><inertial pos="0 0 0" mass="1e-9" diaginertia="2.29e-4 2.29e-4 2.29e-4"/>
+    <joint name="shaft" axis="0 -1 0"/></body>
+  <body name="out"><inertial pos="0 0 0" mass="1e-9" diaginertia="1e-12 1e-12 1e-12"/>
+    <joint name="turned" axis="0 -1 0" damping="2" armature="4.552749"/>
+    <body name="boom"><inertial pos="0.5 0 0" mass="12" diaginertia="0.001 0.02 0.02"/>
+      <joint name="wound" axis="0 -1 0" stiffness="193665" damping="59.76"/></body></body></worldbody>
+  <tendon><fixed name="sum" damping="2"><joint joint="turned" coef="1"/><joint joint="wound" coef="1"/></fixed></tendon>
+  <equality><joint joint1="shaft" joint2="turned" polycoef="0 141 0 0 0" solref="0.0004 1"
+    solimp="0.9999 0.9999 0.001"/></equality>
+  <actuator><motor name="m" joint="shaft" gear="0.7"/></actuator></mujoco>
+"""
+
 RIGID = """<mujoco><option timestep="1e-3" integrator="RK4" gravity="0 0 0"/><worldbody><body name="a">
     <joint name="arm" axis="0 -1 0" damping="4" armature="9.105498"/>
     <inertial pos="0.5 0 0" mass="12" diaginertia="0.001 0.02 0.02"/></body></worldbody>
@@ -58,6 +71,7 @@ RIGID = """<mujoco><option timestep="1e-3" integrator="RK4" gravity="0 0 0"/><wo
 
 JOINT = OwnJoint(link="shoulder_spring", rotor="shoulder", actuator="drive", torque="motor")
 GEARED_JOINT = OwnJoint(link="arm", rotor="rotor", rotor_ratio=N, actuator="m", torque="motor")
+SHAFTED_JOINT = OwnJoint(link="wound", rotor="turned", actuator="m", torque="motor")
 RIG = Nameplate(
     topology="two-inertia", motion="rotational", plane="horizontal", reduction_ratio=N, motor_inertia=2.1e-4,
     reducer_inertia=2.48e-4, efficiency=0.7,

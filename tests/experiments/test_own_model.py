@@ -17,6 +17,7 @@ from jointscope.experiments.own_model.mapping import own_joint
 from jointscope.experiments.own_model.scoring import outputs_of
 from jointscope.experiments.own_model.xml_document import Draft, read_sources
 from jointscope.recordings.campaign import Campaign
+from jointscope.sim.effects.description import physics_of
 from jointscope.sim.own_model import OwnJoint, load_own
 from jointscope.sim.own_stepping import own_run
 
@@ -30,6 +31,8 @@ from own_file import (  # type: ignore[import-not-found]
     J_M,
     JOINT,
     RIGID,
+    SHAFTED,
+    SHAFTED_JOINT,
     C,
     K,
     N,
@@ -100,8 +103,11 @@ def test_a_nested_reducer_and_a_geared_rotor_hold_the_same_joint(tmp_path: Path)
     other = read_content(load_own(written(tmp_path, GEARED, "g.xml")), GEARED_JOINT, two=True, angle=0.1, ratio=N)
     truth = {"stiffness": K, "damping": C, "load_inertia": J_L, "motor_inertia": J_M, "motor_damping": B_M,
              "load_damping": B_L, "motor_friction": 0.0, "load_friction": 0.0, "torque_gain": 98.7}  # fmt: skip
+    shafted = written(tmp_path, SHAFTED, "s.xml")
+    third = read_content(load_own(shafted), SHAFTED_JOINT, two=True, angle=0.1, ratio=N)
     assert one.values == pytest.approx(truth, rel=1e-6)
     assert other.values == pytest.approx(truth, rel=1e-6)
+    assert third.values == pytest.approx(truth, rel=1e-6)
 
 
 def test_a_model_that_turns_the_other_way_records_the_same(tmp_path: Path, plain: Campaign) -> None:
@@ -123,6 +129,37 @@ def test_geared_and_nested_record_the_same(tmp_path: Path, plain: Campaign) -> N
         a, b = own_run(plain, run, one, JOINT), own_run(plain, run, other, GEARED_JOINT)
         for x, y in zip(outputs_of(a), outputs_of(b), strict=True):
             np.testing.assert_allclose(x.samples, y.samples, atol=2e-4 * np.abs(x.samples).max())
+
+
+def test_a_shaft_that_an_equality_gears_records_nearly_the_same_and_stands_on_the_brake(
+    tmp_path: Path, plain: Campaign
+) -> None:
+    """MuJoCo's equality is soft: it gives a little under the motor's torque."""
+    one = load_own(written(tmp_path, nested().replace("5e-4", "2e-4")))
+    other = load_own(written(tmp_path, SHAFTED, "s.xml"))
+    for run in plain.runs:
+        a, b = own_run(plain, run, one, JOINT), own_run(plain, run, other, SHAFTED_JOINT)
+        for x, y in zip(outputs_of(a), outputs_of(b), strict=True):
+            np.testing.assert_allclose(x.samples, y.samples, atol=5e-3 * np.abs(x.samples).max())
+
+
+def test_a_payload_loads_an_own_arm_about_its_axis_whatever_its_frame(tmp_path: Path, plain: Campaign) -> None:
+    """Stepped by the law of effects.json, and with as much written into the file."""
+    law = {"kind": "payload", "inertia": 0.6, "runs": {run.id: 1.0 for run in plain.runs}}
+    text = nested().replace('"shoulder_spring"', '"reducer"').replace('"shoulder"', '"motor"')
+    description = {
+        "laws": [law],
+        "rig": {"reduction_ratio": N, "plane": "horizontal", "motion": "rotational", "topology": "two-inertia"},
+        "spring": {"stiffness": K, "damping": C},
+    }
+    joint = replace(JOINT, link="reducer", rotor="motor")
+    loaded = load_own(written(tmp_path, text.replace('"0.001 0.02 0.02"', '"0.601 0.62 0.62"'), "loaded.xml"))
+    for run in plain.runs[:2]:
+        physics = physics_of(description)(run)
+        a = own_run(plain, run, load_own(written(tmp_path, text)), joint, physics=physics)
+        b = own_run(plain, run, loaded, joint)
+        for x, y in zip(outputs_of(a), outputs_of(b), strict=True):
+            np.testing.assert_allclose(x.samples, y.samples, atol=1e-6 * np.abs(x.samples).max())
 
 
 def test_a_rigid_joint_on_the_brake_stands_still(tmp_path: Path, plain: Campaign) -> None:
