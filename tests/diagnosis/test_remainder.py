@@ -95,6 +95,23 @@ def test_what_the_input_explains_as_well_is_not_named(problem, recorded, decidin
         assert with_followed_input(decision, (of_named,), (of_base,)).verdict == verdict
 
 
+@pytest.mark.parametrize(("dispersion", "verdict"), [(1.0, "effects"), (2.5, "unknown")])
+def test_what_the_input_explains_is_weighed_by_the_noise_that_the_named_effects_leave(
+    problem, recorded, deciding, dispersion, verdict
+):
+    """The base leaves 2.5 times what noise is, so its own gains are told 2.5 times too small; the named effect scores 100."""
+    own = recorded(problem, 0.02, seed=3)
+    with ThreadPoolExecutor(1) as pool:
+        split = split_runs(own)
+        judgement = judge(refit_base(own, predict_outputs, split.estimate, pool), (), split.held_out)
+        spec = next(s for s in catalogue(own) if s.name == "coulomb-friction")
+        decision = deciding(judgement, ActiveEffect(spec, (spec.scale(own)[1], *spec.starts(own)[0])))
+        key = ("hammer", True, "linear-acceleration", "arm")
+        left = Remainder(key, 25.0, 10.0, 10.0, 0.01)
+        of_base = Remainder(key, 30.0, 14.0, 14.0, 0.01, dispersion=dispersion)
+        assert with_followed_input(decision, (left,), (of_base,)).verdict == verdict
+
+
 @pytest.mark.parametrize(("echo", "stands"), [(0.0, True), (0.002, True), (0.004, False)])
 def test_what_the_noise_of_the_input_may_do_is_no_mismatch(echo, stands):
     """A log shows the white part of its noise only; coloured noise of the same log rings by a few times as much."""
