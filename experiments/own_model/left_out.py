@@ -54,7 +54,12 @@ def left_out(content: Content, wanted: Wanted, notes: list[str]) -> Iterator[Cha
             reason = f"backlash: the model has {held}, the recording {found} at the joint output"
             yield Change(key, "parameters", reason, made, interval)
             continue
-        reason = f"{name.replace('-', ' ')}: the recording shows it, the model has none"
+        shows = (
+            "the recording shows it"
+            if entry.get("named", True)
+            else "it fits the recording, which is not enough to name it"
+        )
+        reason = f"{name.replace('-', ' ')}: {shows}, the model has none"
         yield Change(key, "left-out", reason, made, interval)
 
 

@@ -182,8 +182,9 @@ def wanted_of(campaign: Campaign, answer: Mapping[str, Any], model: Mapping[str,
     found = {(e["effect"], e["location"]): e["parameters"] for e in answer["effects"]}
     effects = []
     for entry in model["effects"]:
-        given = found.get((entry["effect"], entry["location"]), {})
-        effects.append({**entry, "intervals": {k: v["interval95"] for k, v in given.items()}})
+        key = (entry["effect"], entry["location"])
+        intervals_of = {k: v["interval95"] for k, v in found.get(key, {}).items()}
+        effects.append({**entry, "intervals": intervals_of, "named": key in found})
     rig = campaign.rig
     single = rig.topology == "single-dof"
     return Wanted(

@@ -46,7 +46,8 @@ class Wanted:
     Attributes:
         base: Base parameters at the joint output, by name.
         intervals: 95 % of those that were fitted.
-        effects: Entries of ``model.json``, with the ``intervals`` of their parameters where known.
+        effects: Entries of ``model.json``, with the ``intervals`` of their parameters where known, and whether the
+            diagnosis has ``named`` them or hands them on as what fits best.
         merged: Parameters that stand for a sum, by the name under which they were fitted.
         single, vertical: Kind of rig.
         spring: Whether the load sits on a spring (always so with a motor side).

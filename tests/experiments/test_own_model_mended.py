@@ -223,6 +223,14 @@ def test_a_neighbour_takes_its_part_of_the_inertia_onto_its_own_spring(
     assert float(spring.damping[0]) == pytest.approx(2.0 * 0.02 * part * total * 2.0 * np.pi * frequency, rel=1e-5)
 
 
+def test_an_effect_that_was_not_named_is_not_said_to_be_shown(tmp_path: Path) -> None:
+    path = written(tmp_path, GEARED)
+    content = read_content(load_own(path), GEARED_JOINT, two=True, angle=0.0, ratio=N)
+    open_one = {**entry("backlash", "transmission", gap=3e-3), "named": False}
+    changes, _ = proposals(content, wanted(open_one), Draft(read_sources(path)))
+    assert "not enough to name it" in next(c.reason for c in changes if c.share == "left-out")
+
+
 def test_an_effect_without_an_element_is_said_to_be_in_effects_json(tmp_path: Path) -> None:
     path = written(tmp_path, nested())
     content = read_content(load_own(path), JOINT, two=True, angle=0.0, ratio=N)
