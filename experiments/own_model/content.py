@@ -111,11 +111,11 @@ def _rows(system: OwnSystem, joint: OwnJoint) -> tuple[list[int], Real]:
     model = system.model
     link = int(model.joint(joint.link).dofadr[0])
     if joint.rotor is None:
-        dofs, p = [link], np.array([[0.0, 1.0 / system.arm[link]]])
+        names, dofs, p = [joint.link], [link], np.array([[0.0, 1.0 / system.arm[link]]])
     else:
-        dofs = [int(model.joint(joint.rotor).dofadr[0]), link]
+        names, dofs = [joint.rotor, joint.link], [int(model.joint(joint.rotor).dofadr[0]), link]
         p = np.linalg.inv(np.array([system.motor[dofs], system.arm[dofs]]))
-    for name, row in zip((joint.rotor or joint.link, joint.link), p.copy(), strict=False):
+    for name, row in zip(names, p, strict=True):
         for other, ratio in geared(model, name).items():
             dof = int(model.joint(other).dofadr[0])
             if dof not in dofs:

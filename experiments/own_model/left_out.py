@@ -11,7 +11,7 @@ import mujoco
 from jointscope.experiments.own_model.content import Carrier, Content, Place
 from jointscope.experiments.own_model.edits import coefficients, number, over_joints, put, put_tendon, tag_of
 from jointscope.experiments.own_model.inertia import heavier_by, put_mass
-from jointscope.experiments.own_model.wanted import Change, Wanted, interval_of
+from jointscope.experiments.own_model.wanted import Change, Share, Wanted, interval_of
 from jointscope.experiments.own_model.xml_document import Draft
 from jointscope.models.effects.transmission import SLIP_LEVELS
 
@@ -45,22 +45,15 @@ def left_out(content: Content, wanted: Wanted, notes: list[str]) -> Iterator[Cha
                 f"{name}@{entry['location']}: no element of MJCF puts it into this file; effects.json holds it"
             )
             continue
-        key = f"{name}@{entry['location']}"
-        interval = (
-            None if name == "neighbour-flexibility" else interval_of(entry, main)
-        )  # a frequency is no attribute
+        share: Share = "left-out"
+        shown = entry.get("named", True)
+        reason = "the recording shows it" if shown else "it fits the recording, which is not enough to name it"
+        reason = f"{name.replace('-', ' ')}: {reason}, the model has none"
         if name == "backlash" and carrier is not None and carrier.play > 0.0:
-            held, found = number(carrier.play / abs(carrier.lever)), number(p["gap"])
-            reason = f"backlash: the model has {held}, the recording {found} at the joint output"
-            yield Change(key, "parameters", reason, made, interval)
-            continue
-        shows = (
-            "the recording shows it"
-            if entry.get("named", True)
-            else "it fits the recording, which is not enough to name it"
-        )
-        reason = f"{name.replace('-', ' ')}: {shows}, the model has none"
-        yield Change(key, "left-out", reason, made, interval)
+            share, held = "parameters", number(carrier.play / abs(carrier.lever))
+            reason = f"backlash: the model has {held}, the recording {number(p['gap'])} at the joint output"
+        interval = None if main == "frequency" else interval_of(entry, main)  # no element holds a frequency
+        yield Change(f"{name}@{entry['location']}", share, reason, made, interval)
 
 
 def _backlash(carrier: Carrier, p: Mapping[str, float]) -> Callable[[Draft], None]:
