@@ -293,7 +293,13 @@ def rests(assembly: Assembly) -> tuple[float | None, ...]:
     What no weight holds against a flank stays where it was left: on either flank, or between them.
     """
     P, run = assembly.P, assembly.run
-    if P[kernel.GAP_HALF] == 0.0 or run.load is None or run.run.initial != "rest" or held_weight(assembly) != 0.0:
+    if (
+        P[kernel.GAP_HALF] == 0.0
+        or P[kernel.GAP_CORNER] > 0.0
+        or run.load is None
+        or run.run.initial != "rest"
+        or held_weight(assembly) != 0.0
+    ):
         return (None,)
     return (None, P[kernel.GAP_CENTRE] - P[kernel.GAP_HALF], P[kernel.GAP_CENTRE] + P[kernel.GAP_HALF])
 

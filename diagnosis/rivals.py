@@ -52,9 +52,9 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "dahl": ("bouc-wen-shaped", "slip-spread"),
     "bouc-wen": ("bouc-wen-shaped", "slip-spread"),
     "maxwell-slip": ("slip-spread",),
-    "free-flight": ("cushioned",),
-    "damped": ("cushioned",),
-    "sheds": ("cushioned",),
+    "free-flight": ("cushioned", "hyperbolic"),
+    "damped": ("cushioned", "hyperbolic"),
+    "sheds": ("cushioned", "hyperbolic"),
     "plain": ("presliding",),
     "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
     "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
@@ -287,11 +287,14 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
 
 
 def _as_play(known: Mapping[tuple[str, str], float], keys: Sequence[tuple[str, str]]) -> tuple[float, ...] | None:
-    """Gap, and what is left of the spring in it, that are a soft middle; ``None`` where either is not asked for or known."""
-    share = known.get(("soft_share", "1"))
-    if share is None or [name for name, _ in keys] != ["gap", "inside"]:
+    """The play that is a soft middle: as much is missed, as much is left; ``None`` where it is not asked for or known."""
+    share, names = known.get(("soft_share", "1")), [name for name, _ in keys]
+    if share is None or names[:1] != ["gap"] or not {"inside", "corner"} & set(names):
         return None
-    return 2.0 * known["transition_angle", keys[0][1]], max(1.0 - share, 0.0)
+    width = 2.0 * known["transition_angle", keys[0][1]]
+    if names[1] == "inside":
+        return width, max(1.0 - share, 0.0)
+    return width * share, math.sqrt(max(min(max(share, 0.5), 1.0) ** -2.0 - 1.0, 0.01)), 1.0
 
 
 def _bristles_and_loop(known: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:

@@ -1,6 +1,7 @@
 r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, structural damping.
 
     T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
+    T_S = K x + c x' (dx/dDelta)^fade, x the dead zone with bends for corners    play whose flanks wear or give way
     T_S = K Delta - (1 - inside) K clip(Delta, +-gap/2) + c Delta'               play that a seal or grease bridges
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
     T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
@@ -59,6 +60,12 @@ def _rounded(assembly: Assembly, values: Values, weight: float) -> None:
         values[2],
         1.0,
     )
+
+
+def _hyperbolic(assembly: Assembly, values: Values, weight: float) -> None:
+    half = 0.5 * values[0]
+    assembly.P[kernel.GAP_HALF], assembly.P[kernel.GAP_CORNER] = half, values[1] * half
+    assembly.P[kernel.GAP_FADE] = values[2]
 
 
 def _cushioned(assembly: Assembly, values: Values, weight: float) -> None:
@@ -207,7 +214,7 @@ SPECS: tuple[EffectSpec, ...] = (
             look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
             apply=apply,
             scale=_angle_sizes,
-            decades=0 if variant in ("off-centre", "cushioned") else 3,
+            decades=0 if variant in ("off-centre", "cushioned", "hyperbolic") else 3,
             starts=starts,
             proportional=proportional,
             possible=needs_spring,
@@ -249,6 +256,14 @@ SPECS: tuple[EffectSpec, ...] = (
                 _backlash(0.0),
                 (_GAP, ParameterSpec("centre", "1", -1.0, 1.0)),
                 lambda problem: ((-0.7,), (0.7,)),
+                (),
+            ),
+            (
+                "hyperbolic",
+                "K x + c x'^fade, x = Delta - (r_+ - r_-)/2, r_+- = ((Delta +- gap/2)^2 + (corner gap/2)^2)^(1/2)",
+                _hyperbolic,
+                (_GAP, ParameterSpec("corner", "1", 0.01, 1.0, log=True), ParameterSpec("fade", "1", 0.0, 3.0)),
+                lambda problem: ((0.4, 1.0),),
                 (),
             ),
             (

@@ -68,6 +68,7 @@ def simulate(
         or P[SOFT_SMOOTH] != 0.0
         or P[GAP_ROUND] != 0.0
         or P[GAP_SHEDS] != 0.0
+        or P[GAP_CORNER] != 0.0
     )
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
     free, fixed = (simulate_rich, simulate_rich_held) if rich else (simulate_plain, simulate_plain_held)

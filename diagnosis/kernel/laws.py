@@ -139,6 +139,17 @@ def seated(el: float, P: Real) -> float:
 
 
 @compiled
+def bent(x: float, half: float, corner: float) -> tuple[float, float]:
+    """Stretch of a spring beyond +-``half`` [rad] whose corners are bends of half width ``corner``, and its slope [-].
+
+    x - (r_+ - r_-)/2, r_+- = ((x +- half)^2 + corner^2)^(1/2): the dead zone where there is no bend.
+    """
+    upper, lower = math.hypot(x + half, corner), math.hypot(x - half, corner)
+    slope = 1.0 - 0.5 * ((x + half) / upper - (x - half) / lower)
+    return float(x - 0.5 * (upper - lower)), max(float(slope), 0.0)
+
+
+@compiled
 def missing(el: float, angle: float, smooth: float) -> float:
     """The stretch that a soft middle of +-``angle`` [rad] does without, of a stretch ``el``."""
     if smooth != 0.0:
@@ -153,7 +164,10 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     contact = 1.0
     if P[GAP_HALF] > 0.0:
         el = delta - P[GAP_CENTRE]
-        if el > P[GAP_HALF]:
+        if P[GAP_CORNER] > 0.0:
+            el, slope = bent(el, P[GAP_HALF], P[GAP_CORNER])
+            contact = slope ** P[GAP_FADE]
+        elif el > P[GAP_HALF]:
             el -= P[GAP_HALF]
         elif el < -P[GAP_HALF]:
             el += P[GAP_HALF]

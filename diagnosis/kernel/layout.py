@@ -67,7 +67,8 @@ GAP_ROUND, GAP_FADE, GAP_SHEDS = (
     147,
 )  # depth over which a flank gives way [rad], power to which its damping does, 1 where flanks don't pull
 SOFT_SMOOTH = 148  # 1 where what a soft middle misses fades as el d^2/(el^2 + d^2), not at a corner
-N_P = 149
+GAP_CORNER = 149  # half width of a bend in place of the corners of a play [rad]
+N_P = 150
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

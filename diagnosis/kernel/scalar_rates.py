@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
 from jointscope.diagnosis.kernel.laws import (
     STRUCTURAL_WIDTH,
+    bent,
     bristles,
     friction,
     hysteresis,
@@ -41,7 +42,10 @@ def _scalar_rates_source(
     el, contact = delta, 1.0
     if gap > 0.0:
         el = delta - centre
-        if el > gap:
+        if rich and P[GAP_CORNER] > 0.0:
+            el, slope = bent(el, gap, P[GAP_CORNER])
+            contact = slope ** P[GAP_FADE]
+        elif el > gap:
             el -= gap
         elif el < -gap:
             el += gap

@@ -23,6 +23,7 @@ class Spring:
     """T_S = K el + k_2 el^2 + k_3 el^3 - soft clip(el, +-soft_angle) + c Delta', el: Delta outside the play.
 
     A smooth soft middle misses el d^2/(el^2 + d^2), d = soft_angle, in place of the clipped stretch.
+    With bends for corners el = Delta - (r_+ - r_-)/2, r_+- = |Delta +- gap/2 + i gap_corner|, and c (d el/dDelta)^fade.
     On rounded flanks K s^(1/2) and c s^fade, s = |el| / (|el| + round), in place of K and c.
 
     Attributes:
@@ -32,6 +33,7 @@ class Spring:
         gap_damping: Share of c inside the play [-].
         gap_sheds: 1 where a flank does not pull.
         gap_round, gap_fade: Depth over which a flank gives way [rad]; power to which its damping does [-].
+        gap_corner: Half width of the bends in place of the play's corners, which no element of the MJCF gives [rad].
         soft_stiffness, soft_angle: [N m/rad], [rad].
         soft_smooth: 1 where a soft middle has no corner, which no element of the MJCF gives.
     """
@@ -46,6 +48,7 @@ class Spring:
     gap_sheds: float = 0.0
     gap_round: float = 0.0
     gap_fade: float = 0.0
+    gap_corner: float = 0.0
     soft_stiffness: float = 0.0
     soft_angle: float = 0.0
     soft_smooth: float = 0.0
@@ -79,6 +82,12 @@ class Spring:
 
     def torque(self, delta: float, rate: float, factor: float = 1.0) -> float:
         """T_S [N m]."""
+        if self.gap_corner > 0.0:
+            x, half = delta - self.centre, 0.5 * self.gap
+            ends = [complex(x + side * half, self.gap_corner) for side in (1.0, -1.0)]
+            slope = 1.0 - 0.5 * (ends[0].real / abs(ends[0]) - ends[1].real / abs(ends[1]))
+            el = x - 0.5 * (abs(ends[0]) - abs(ends[1]))
+            return self.elastic(el, factor) + max(slope, 0.0) ** self.gap_fade * self.damping * rate
         el, touching = self.stretch(delta)
         share = 1.0 if touching else self.gap_damping
         seated = abs(el) / (abs(el) + self.gap_round) if self.gap_round > 0.0 else 1.0

@@ -82,6 +82,49 @@ def test_without_depth_and_for_a_law_in_both_kernels_the_flanks_are_the_dead_zon
     assert np.max(np.abs(one[:, k.X_Q] - several[:, k.X_Q])) < 1e-9
 
 
+@pytest.mark.parametrize("amplitude", [3e-5, 1e-4, 6e-4])
+def test_the_period_over_a_bent_dead_zone_is_its_quadrature(amplitude):
+    """4 int dq (2 (V(A) - V(q)) / J)^(-1/2) with V of the torque that bends for corners leave; energy stays."""
+    corner = 0.5 * HALF
+    P, S = packed(GAP_HALF=HALF, GAP_CORNER=corner)
+    t, out = run(P, S, x=(0, 0, amplitude, 0), duration=0.5, rate=16384.0)
+    q = out[:, k.X_Q]
+
+    def torque(x):
+        return KW["K"] * (x - 0.5 * (math.hypot(x + HALF, corner) - math.hypot(x - HALF, corner)))
+
+    def slower(u):
+        x = amplitude * (1.0 - u * u)
+        left = quad(torque, x, amplitude, epsabs=0.0, epsrel=1e-10)[0]
+        return 2.0 * u * amplitude / math.sqrt(2.0 * left / KW["J_L"])
+
+    i = np.flatnonzero(q[:-1] * q[1:] < 0)
+    crossings = t[i] - q[i] * (t[i + 1] - t[i]) / (q[i + 1] - q[i])
+    period = 2.0 * np.mean(np.diff(crossings))
+    assert period == pytest.approx(4.0 * quad(slower, 1e-6, 1.0, epsrel=1e-6)[0], rel=2e-4)
+    assert np.max(np.abs(q[len(q) // 2 :])) == pytest.approx(amplitude, rel=1e-3)
+
+
+def test_a_bend_tends_to_the_corner_and_to_the_soft_spring():
+    """Sharp with its width; well inside it a spring of K (1 - (1 + corner^2)^(-1/2)); one model in both kernels."""
+    sharp, S = packed(GAP_HALF=HALF, C=30.0)
+    bends, _ = packed(GAP_HALF=HALF, C=30.0, GAP_CORNER=1e-3 * HALF, GAP_FADE=1.0)
+    ends = [run(P, S, x=(0, 0, 3e-4, 0), duration=0.1, rate=16384.0)[1][:, k.X_Q] for P in (sharp, bends)]
+    assert np.max(np.abs(ends[0] - ends[1])) < 2e-3 * 3e-4
+    P, S = packed(GAP_HALF=HALF, GAP_CORNER=HALF)
+    t, out = run(P, S, x=(0, 0, 0.01 * HALF, 0), duration=0.5)
+    soft = KW["K"] * (1.0 - 1.0 / math.sqrt(2.0))
+    assert out[:, k.X_Q] == pytest.approx(0.01 * HALF * np.cos(math.sqrt(soft / KW["J_L"]) * t), abs=5e-4 * HALF)
+    P, S = packed(GAP_HALF=HALF, C=30.0, GAP_CORNER=0.5 * HALF, GAP_FADE=1.0)
+    _, one = run(P, S, x=(0, 0, 3e-4, 0), duration=0.1)
+    S = S.copy()
+    S[k.AT_BRANCH], S[k.N_BRANCH], S[k.N_X] = S[k.N_X], 1, S[k.N_X] + 1
+    P = P.copy()
+    P[k.BRANCH_0 + 1] = 1.0
+    _, several = run(P, S, x=(0, 0, 3e-4, 0), duration=0.1)
+    assert np.max(np.abs(one[:, k.X_Q] - several[:, k.X_Q])) < 1e-9
+
+
 def level(builders, gap, depth, flanks, noise):
     """Hits on a level arm behind rounded flanks, begun on the flanks of the given sides, by an integrator of its own."""
     plant = builders.Plant(weight=0.0, K=1e-9, c=0.0)
