@@ -23,7 +23,7 @@ from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, 
 from jointscope.diagnosis.effects.spec import made_to_show
 from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
-from jointscope.diagnosis.intervals import differs_from_nothing
+from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
 from jointscope.diagnosis.polish import from_elsewhere, no_part_below_the_base, occam, parts_of, polished, viewed
@@ -367,7 +367,8 @@ def standing(judgement: Judgement) -> list[Judged]:
         if not _beyond_the_search(judgement, child, parts) or not _revealed(judgement, child, parts):
             continue
         seen_by_all = all(c.votes >= WITNESSES and c.evident and c.share_of_runs == 1.0 for c in over)
-        if not seen_by_all and not differs_from_nothing(judgement.objective, child.fit):
+        nothing = like_nothing(judgement.objective, child.fit)
+        if nothing and not (seen_by_all and all(len(spec.parameters) > 1 for spec in nothing)):
             continue  # of an amplitude that its own shape can undo an interval says nothing
         weak = [(part, c) for part, c in zip(parts, over, strict=True) if not c.stands]
         if slight:

@@ -79,8 +79,8 @@ def with_form(where: Coordinates, x: Vector, errors: Vector) -> Vector:
     return found
 
 
-def differs_from_nothing(objective: Objective, fit: Fit) -> bool:
-    """Whether no effect's 95 % interval holds the size at which it is absent.
+def like_nothing(objective: Objective, fit: Fit) -> tuple[EffectSpec, ...]:
+    """Laws of the fit whose size's 95 % interval holds the one at which they are absent.
 
     A mismatch of no effect's form is taken for a small one in some runs and for its opposite in others, whatever the
     likelihood says. Of a bend the inertia times what hammer and sensor see of it is known, and neither by itself: the size
@@ -88,11 +88,12 @@ def differs_from_nothing(objective: Objective, fit: Fit) -> bool:
     """
     fit = _at_its_shape(with_fresh_jacobian(objective, fit))
     where, found = fit.coordinates, estimates(objective, fit)
+    alike = []
     for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
         null, size = spec.parameters[spec.amplitude].null, found[rows.start + spec.amplitude]
         if null is not None and size.low <= null <= size.high:
-            return False
-    return True
+            alike.append(spec)
+    return tuple(alike)
 
 
 def _at_its_shape(fit: Fit) -> Fit:

@@ -70,7 +70,8 @@ def test_an_effect_whose_interval_holds_nothing_is_not_told_from_nothing(
     where = coordinates_of(spec_of(name, variant))
     found = (estimate, *(Estimate(0.0, -1.0, 1.0) for _ in where.effects[0].parameters[1:]))
     monkeypatch.setattr(intervals, "estimates", lambda objective, fit: found)
-    assert intervals.differs_from_nothing(None, SimpleNamespace(coordinates=where, fresh=True)) is told
+    alike = intervals.like_nothing(None, SimpleNamespace(coordinates=where, fresh=True))
+    assert alike == (() if told else where.effects)
 
 
 def test_of_a_bend_the_size_is_asked_for_at_its_shape():

@@ -59,7 +59,7 @@ def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monk
     monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
     monkeypatch.setattr(adjudicate, "compare", lambda _, part, child: over[id(part)] if child is pair else STANDS)
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
-    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
+    monkeypatch.setattr(adjudicate, "like_nothing", lambda *_: ())
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
     found = adjudicate.standing(
         SimpleNamespace(
@@ -70,21 +70,33 @@ def test_a_set_stands_over_the_best_law_of_each_part_and_not_over_every_law(monk
     assert best in found and inferior in found
 
 
-@pytest.mark.parametrize("differs", [True, False])
-def test_what_is_not_told_from_nothing_does_not_stand(monkeypatch, differs):
+ALL_AGREE = SimpleNamespace(**{**vars(STANDS), "votes": 3, "evident": True, "share_of_runs": 1.0})
+ONE_NUMBER, SHAPED = (SimpleNamespace(name="x", run_weights=None, parameters=(None,) * n) for n in (1, 2))
+
+
+@pytest.mark.parametrize(
+    ("nothing", "gains", "stands"),
+    [
+        ((), STANDS, True),
+        ((SHAPED,), STANDS, False),
+        ((SHAPED,), ALL_AGREE, True),  # every run gains as foretold: its own shape undoes the size
+        ((SHAPED, ONE_NUMBER), ALL_AGREE, False),  # nothing undoes the size of a law of one number
+    ],
+)
+def test_what_is_not_told_from_nothing_does_not_stand(monkeypatch, nothing, gains, stands):
     base, child = (
         SimpleNamespace(names=names, hypothesis=SimpleNamespace(specs=(), sensible=True), fit=None)
         for names in ((), ("gravity@load",))
     )
     monkeypatch.setattr(adjudicate, "score", lambda _, j: float(j is child))
-    monkeypatch.setattr(adjudicate, "compare", lambda *_: STANDS)
+    monkeypatch.setattr(adjudicate, "compare", lambda *_: gains)
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
-    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: differs)
+    monkeypatch.setattr(adjudicate, "like_nothing", lambda *_: nothing)
     found = adjudicate.standing(
         SimpleNamespace(objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, child))
     )
-    assert (child in found) is differs
+    assert (child in found) is stands
 
 
 @pytest.mark.parametrize(
@@ -116,7 +128,7 @@ def test_a_set_that_would_lead_stands_for_what_no_other_form_of_its_part_could_d
         adjudicate, "compare", lambda _, parent, child: over if child is pair and parent is part else STANDS
     )
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
-    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
+    monkeypatch.setattr(adjudicate, "like_nothing", lambda *_: ())
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
     monkeypatch.setattr(absence, "own_share", lambda *_: own)
     for module in (absence, adjudicate):
@@ -177,7 +189,7 @@ def test_what_explains_more_by_less_than_would_matter_stands_where_something_els
     monkeypatch.setattr(adjudicate, "score", lambda _, j: scores[id(j)])
     monkeypatch.setattr(adjudicate, "compare", lambda _, part, child: over[id(child)])
     monkeypatch.setattr(adjudicate, "_rings", lambda *_: False)
-    monkeypatch.setattr(adjudicate, "differs_from_nothing", lambda *_: True)
+    monkeypatch.setattr(adjudicate, "like_nothing", lambda *_: ())
     monkeypatch.setattr(adjudicate, "_revealed", lambda *_: True)
     found = adjudicate.standing(
         SimpleNamespace(objective=None, held=SimpleNamespace(runs=()), base=base, judged=(base, play, soft))
