@@ -31,6 +31,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 DIVERGED = 1e3  # whitened residual of a sample that a hypothesis cannot predict at all
+UNREAL = 1e60  # whitened residual beyond which a prediction that is still finite is none
 
 
 class Predict(Protocol):
@@ -104,7 +105,8 @@ class Objective:
         if not all(np.all(np.isfinite(y)) for y in predicted):
             return np.full(sum(whitener.sizes), DIVERGED)
         left = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
-        return whitener(left)[:, 0]
+        w = whitener(left)[:, 0]
+        return w if np.all(np.abs(w) < UNREAL) else np.full(sum(whitener.sizes), DIVERGED)
 
     def run_residual(self, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Vector:
         """Predict and whiten one run."""

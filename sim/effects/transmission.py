@@ -87,7 +87,7 @@ class Spring:
             ends = [complex(x + side * half, self.gap_corner) for side in (1.0, -1.0)]
             slope = 1.0 - 0.5 * (ends[0].real / abs(ends[0]) - ends[1].real / abs(ends[1]))
             el = x - 0.5 * (abs(ends[0]) - abs(ends[1]))
-            return self.elastic(el, factor) + max(slope, 0.0) ** self.gap_fade * self.damping * rate
+            return self.elastic(el, factor) + math.pow(max(slope, 0.0), self.gap_fade) * self.damping * rate
         el, touching = self.stretch(delta)
         share = 1.0 if touching else self.gap_damping
         seated = abs(el) / (abs(el) + self.gap_round) if self.gap_round > 0.0 else 1.0

@@ -1,6 +1,7 @@
 """A sensor mounted backwards, a clock that starts at will and a steady state change no answer and no error."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.errors import channel_errors, without_drift
 from jointscope.diagnosis.no_worse import borne
+from jointscope.diagnosis.objective import DIVERGED
 from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.responses import channel_key, work_done
@@ -154,6 +156,15 @@ def test_a_hypothesis_that_diverges_elsewhere_is_not_judged(problem, pool):
     hypothesis = Hypothesis((), dataclasses.replace(stage.fit, x=wild, fresh=False), -1e9)
     found = judge(stage, [hypothesis], split_runs(problem).held_out)
     assert len(found.judged) == 1
+
+
+@pytest.mark.parametrize("height", [1e80, math.inf, math.nan])
+def test_a_prediction_without_end_is_as_wrong_as_none_and_finite(problem, pool, height):
+    """What runs away may do so in finite numbers, whose squares are not: no sum of squares overflows."""
+    stage, _ = base_of(problem, pool)
+    run = stage.objective.prepared[0]
+    found = stage.objective.whiten_run(0, [np.full(len(o.data), height) for o in run.outputs])
+    assert np.all(found == DIVERGED)
 
 
 def test_what_a_drive_does_work_on_is_not_upside_down(builders, turned):
