@@ -15,6 +15,7 @@ from jointscope.diagnosis.alignment import inexact, realigned
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.constancy import Change, changes
 from jointscope.diagnosis.effects import STRANGERS, at_rig
+from jointscope.diagnosis.encoder_lines import without_encoder_lines
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
@@ -120,6 +121,10 @@ def diagnose(
         if found is not problem:
             problem = found
             stage = refit_base(problem, predict, split.estimate, pool)
+    read = without_encoder_lines(problem, stage)
+    if read is not problem:
+        problem = read
+        stage = refit_base(problem, predict, split.estimate, pool)
     problem, stage = _at_size(problem, stage)
     specs = tuple(at_rig(spec, problem) for spec in specs)
     outside = tuple(at_rig(spec, problem) for spec in STRANGERS)

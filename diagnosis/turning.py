@@ -13,6 +13,7 @@ were not fitted: a line that is fixed in time, or noise, has another phase there
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
-    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.objective import Objective, Predictions
 
 Vector = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ PARAMETERS = 3  # amplitude, phase, and order
 
 
 @dataclass(frozen=True, eq=False)
-class _Turned:
+class Turned:
     """A run that turns, with what a model leaves of it.
 
     Attributes:
@@ -56,15 +57,16 @@ class _Turned:
 
     def columns(self, order: float) -> NDArray[np.float64]:
         """cos and sin of the order in the outputs of that kind, whitened, the others silent, shape (n, 2)."""
-        arrays = [
-            np.stack([np.cos(order * q), np.sin(order * q)], axis=1) * float(wanted)
-            for q, wanted in zip(self.angles, self.wanted, strict=True)
-        ]
-        return np.asarray(self.objective.whiteners[self.index](arrays), dtype=np.float64)
+        return self.whitened([np.stack([np.cos(order * q), np.sin(order * q)], axis=1) for q in self.angles])
+
+    def whitened(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """What these do to the outputs of that kind, one array (n_output, 2) each, whitened, shape (n, 2)."""
+        kept = [array * float(wanted) for array, wanted in zip(arrays, self.wanted, strict=True)]
+        return np.asarray(self.objective.whiteners[self.index](kept), dtype=np.float64)
 
 
-def _turned(objective: Objective, judged: Judged, key: Key, held: bool) -> list[_Turned]:
-    predictions = judged.predictions_held if held else judged.predictions
+def turned(objective: Objective, predictions: Predictions, key: Key) -> list[Turned]:
+    """The runs that turn and hold a channel of this kind, with what the predictions leave of them."""
     found = []
     for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
         wanted = tuple(block_key(run, output) == key for output in run.outputs)
@@ -74,11 +76,11 @@ def _turned(objective: Objective, judged: Judged, key: Key, held: bool) -> list[
             continue
         half = run.t0 + np.arange(len(angle)) / (2.0 * run.grid_rate)
         angles = tuple(np.interp(output.times, half, angle) for output in run.outputs)
-        found.append(_Turned(objective, i, objective.whiten_run(i, predicted), angles, wanted))
+        found.append(Turned(objective, i, objective.whiten_run(i, predicted), angles, wanted))
     return found
 
 
-def _orders(runs: list[_Turned]) -> Vector:
+def _orders(runs: list[Turned]) -> Vector:
     """Orders per turn of the output that every run resolves and every channel follows."""
     travels, tops = [], []
     for run in runs:
@@ -94,21 +96,37 @@ def _orders(runs: list[_Turned]) -> Vector:
     return np.asarray(lowest + step * np.arange(max(count, 0)), dtype=np.float64)
 
 
-def _fitted(runs: list[_Turned], order: float) -> tuple[float, Vector]:
+def best_order(objective: Objective, runs: list[Turned]) -> tuple[float, int]:
+    """The order that explains most in all runs together, and how many apart were tried (none where no run resolves any)."""
+    orders = _orders(runs)
+    if orders.size == 0:
+        return math.nan, 0
+    order = _best(objective, runs, orders.tolist())
+    spacing = float(orders[-1] - orders[0]) / max(orders.size - 1, 1)
+    for finer in (0.25, 0.0625):
+        order = _best(objective, runs, [order + finer * spacing * k for k in range(-2, 3)])
+    return order, len(orders)
+
+
+def fitted_line(runs: list[Turned], order: float) -> tuple[float, Vector]:
     """w'w that the order explains in all runs together, and its two amplitudes."""
+    return projected([(run.w, run.columns(order)) for run in runs])
+
+
+def projected(parts: Iterable[tuple[Vector, NDArray[np.float64]]]) -> tuple[float, Vector]:
+    """w'w that two columns explain in several runs together, and their two amplitudes."""
     normal, right = np.zeros((2, 2)), np.zeros(2)
-    for run in runs:
-        columns = run.columns(order)
+    for w, columns in parts:
         normal += columns.T @ columns
-        right += columns.T @ run.w
+        right += columns.T @ w
     if np.trace(normal) <= 0.0:
         return 0.0, np.zeros(2)
     step = np.asarray(np.linalg.lstsq(normal, right, rcond=1e-9)[0], dtype=np.float64)
     return float(right @ step), step
 
 
-def _best(objective: Objective, runs: list[_Turned], orders: list[float]) -> float:
-    gains = objective.map(lambda order: _fitted(runs, order)[0], orders)
+def _best(objective: Objective, runs: list[Turned], orders: list[float]) -> float:
+    gains = objective.map(lambda order: fitted_line(runs, order)[0], orders)
     return orders[int(np.argmax(gains))]
 
 
@@ -120,22 +138,17 @@ def repeating(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
     )
     found = []
     for key in keys:
-        fitted, kept = _turned(objective, judged, key, False), _turned(held, judged, key, True)
+        fitted, kept = turned(objective, judged.predictions, key), turned(held, judged.predictions_held, key)
         if not fitted or not kept:
             continue
-        orders = _orders(fitted)
-        if orders.size == 0:
-            continue
-        order = _best(objective, fitted, orders.tolist())
-        spacing = float(orders[-1] - orders[0]) / max(orders.size - 1, 1)
-        for finer in (0.25, 0.0625):
-            order = _best(objective, fitted, [order + finer * spacing * k for k in range(-2, 3)])
-        found.append(_remainder(key, order, fitted, kept, len(orders)))
+        order, tried = best_order(objective, fitted)
+        if tried > 0:
+            found.append(_remainder(key, order, fitted, kept, tried))
     return tuple(sorted(found, key=lambda r: -r.gain))
 
 
-def _remainder(key: Key, order: float, fitted: list[_Turned], kept: list[_Turned], tried: int) -> Remainder:
-    explained, step = _fitted(fitted, order)
+def _remainder(key: Key, order: float, fitted: list[Turned], kept: list[Turned], tried: int) -> Remainder:
+    explained, step = fitted_line(fitted, order)
     samples = sum(run.w.size for run in fitted)
     dispersion = max(1.0, sum(float(run.w @ run.w) for run in fitted) / samples)
     gain = 0.5 * explained / dispersion - 0.5 * PARAMETERS * math.log(samples) - math.log(tried)

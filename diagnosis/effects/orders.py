@@ -7,7 +7,8 @@ residual r, its spectrum S and z = h^T S^-1 r (one filter), the decrease of r' S
 
     |sum_t z e^(-i order theta)|^2 / (1/2 sum_t |H(order theta')|^2 / S(order theta')),
 
-and the sum over t is one Fourier transform over theta, fine enough for any number of turns.
+where the two ends' angles were recorded together, their difference shows the kinematic error itself, -e below the
+resonance; and the sum over t is one Fourier transform over theta, fine enough for any number of turns.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from scipy.ndimage import uniform_filter1d
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.effects.lines import Residuals, strongest
+from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
@@ -66,7 +68,7 @@ def order_lines(
         if turn is None or float(np.ptp(turn)) < TURNS[per_output]:
             continue
         for output, r in zip(run.outputs, rows, strict=True):
-            if output.quantity not in ACCELERATIONS or not np.any(r):
+            if output.quantity not in (*ACCELERATIONS, WIND_UP) or not np.any(r):
                 continue
             at = np.interp(output.times, run.time, turn)
             seen, energy = _matched(problem, output, r, at, grid, source)
@@ -100,13 +102,16 @@ def _turn(run: PreparedRun, per_output: bool) -> Vector | None:
     return np.asarray(path * (1.0 if per_output else run.ratio) / (2.0 * np.pi))
 
 
-def _response(problem: Problem, omega: Vector, source: str) -> Complex:
-    """The arm's acceleration per torque at the motor or angle in the transmission, at ``omega`` [rad/s]."""
+def _response(problem: Problem, omega: Vector, source: str, quantity: str) -> Complex:
+    """The arm's acceleration, or q_s - q, per torque at the motor or angle in the transmission, at ``omega`` [rad/s]."""
     b = {name: float(problem.base.start[i]) for name, i in BASE_INDEX.items()}
     spring = b["stiffness"] + 1j * omega * b["damping"]
     if b["stiffness"] <= 0.0 or b["motor_inertia"] <= 0.0:
         return np.ones(omega.size, dtype=complex)  # one body: it follows
     shares = 1.0 / b["motor_inertia"] + 1.0 / b["load_inertia"]
+    if quantity == WIND_UP:
+        pushed = np.full(omega.size, 1.0 / b["motor_inertia"]) if source == "ripple" else -spring * shares
+        return np.asarray(pushed / (spring * shares - omega**2))
     through = spring / (spring * shares - omega**2)
     drive = 1.0 / b["motor_inertia"] if source == "ripple" else -(omega**2)
     return np.asarray(through * drive / b["load_inertia"])
@@ -120,7 +125,7 @@ def _matched(
     n = x.size
     spectrum = np.fft.rfft(x)
     f = np.fft.rfftfreq(n, 1.0 / output.rate)
-    h = _response(problem, np.asarray(2.0 * np.pi * f, dtype=np.float64), source)
+    h = _response(problem, np.asarray(2.0 * np.pi * f, dtype=np.float64), source, output.quantity)
     power = np.square(np.abs(spectrum)) / n
     s = uniform_filter1d(power, max(3, round(SMOOTHED_HZ * n / output.rate)), mode="nearest") + 1e-3 * power.mean()
     z = np.fft.irfft(np.conj(h) * spectrum / np.maximum(s, 1e-300), n)

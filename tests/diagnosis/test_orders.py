@@ -8,12 +8,13 @@ import pytest
 
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.orders import _response, order_lines
+from jointscope.diagnosis.wind_up import WIND_UP
 
 RATE, RATIO = 1000.0, 100.0
 K, C, J_M, J_L = 1.5e5, 30.0, 6.0, 3.0
 
 
-def bench(order, phase, source, noise, seed=1, reverse=False):
+def bench(order, phase, source, noise, seed=1, reverse=False, quantity="linear-acceleration"):
     """A motion from rest to speed and back: the line passes the resonance twice."""
     t = np.arange(0.0, 6.0, 1.0 / RATE)
     angle = 1.3 * 0.5 * (1.0 - np.cos(2.0 * math.pi * t / 6.0)) * (-1.0 if reverse else 1.0)
@@ -21,7 +22,7 @@ def bench(order, phase, source, noise, seed=1, reverse=False):
     for name, value in (("stiffness", K), ("damping", C), ("motor_inertia", J_M), ("load_inertia", J_L)):
         start[BASE_INDEX[name]] = value
     output = SimpleNamespace(
-        times=t, rate=RATE, mask=np.ones(t.size, dtype=bool), quantity="linear-acceleration", data=np.zeros(t.size)
+        times=t, rate=RATE, mask=np.ones(t.size, dtype=bool), quantity=quantity, data=np.zeros(t.size)
     )
     observed = SimpleNamespace(rate_signal=False)
     run = SimpleNamespace(
@@ -30,15 +31,18 @@ def bench(order, phase, source, noise, seed=1, reverse=False):
     problem = SimpleNamespace(runs=(run,), base=SimpleNamespace(start=start))
     law = np.sin(order * RATIO * angle + phase)
     f = np.fft.rfftfreq(2 * t.size, 1.0 / RATE)
-    shown = np.fft.irfft(_response(problem, 2.0 * math.pi * f, source) * np.fft.rfft(law, 2 * t.size))[: t.size]
+    shown = np.fft.irfft(_response(problem, 2.0 * math.pi * f, source, quantity) * np.fft.rfft(law, 2 * t.size))[
+        : t.size
+    ]
     rng = np.random.default_rng(seed)
     return problem, [[shown + noise * np.std(shown) * rng.standard_normal(t.size)]]
 
 
+@pytest.mark.parametrize("quantity", ["linear-acceleration", WIND_UP])
 @pytest.mark.parametrize("source", ["ripple", "error"])
 @pytest.mark.parametrize(("order", "phase"), [(1.0, 0.4), (2.37, -2.0), (6.0, 3.0), (11.93, 1.5)])
-def test_a_line_is_found_with_its_phase(order, phase, source):
-    problem, residuals = bench(order, phase, source, noise=2.0)
+def test_a_line_is_found_with_its_phase(order, phase, source, quantity):
+    problem, residuals = bench(order, phase, source, noise=2.0, quantity=quantity)
     found = order_lines(problem, residuals, 3, per_output=False, source=source)
     turns = 1.3 * RATIO / (2.0 * math.pi)
     best = min(found, key=lambda line: abs(line[0] - order))
