@@ -21,6 +21,7 @@ from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
+from jointscope.diagnosis.overtones import overtones
 from jointscope.diagnosis.power import Unseen, unseen
 from jointscope.diagnosis.predict import free_prediction
 from jointscope.diagnosis.remainder import Remainder, remainders
@@ -142,6 +143,10 @@ def diagnose(
         before, decision = decision, decide(judgement)
         if decision.chosen.names == before.chosen.names:
             break
+    richer = overtones(judgement, decision.chosen, specs, effort)
+    if richer:
+        judgement = judge(stage, (*hypotheses, *richer), split.held_out)
+        decision = decide(judgement)
     following = remainders(judgement, decision.chosen)
     left = (*following, *repeating(judgement, decision.chosen))
     changing: tuple[Change, ...] = ()

@@ -63,6 +63,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "first-order": ("second-order", "magnitude-optimum"),
     "second-order": ("first-order", "magnitude-optimum"),
     "piecewise": ("piecewise-cubic",),
+    "mount": ("mount-limited",),
     "motor-order": ("motor-order-harmonic", "output-order-harmonic"),
     "output-order": ("output-order-harmonic",),
     "cogging": ("cogging-harmonic",),

@@ -46,6 +46,11 @@ def _resonance(sensor: Sensor, values: Values) -> None:
     sensor.resonance, sensor.resonance_damping = values
 
 
+def _resonance_limited(sensor: Sensor, values: Values) -> None:
+    sensor.resonance, sensor.resonance_damping = values[:2]
+    sensor.bandwidth = values[2] * values[0]
+
+
 def _bandwidth(sensor: Sensor, values: Values) -> None:
     sensor.bandwidth = values[0]
 
@@ -61,8 +66,8 @@ def _gain(sensor: Sensor, values: Values) -> None:
 
 
 PUT: dict[str, Callable[[Sensor, Values], None]] = {
-    "radial": _tilt, "mount": _resonance, "bandwidth": _bandwidth, "clip": _saturation, "compressing": _saturation,
-    "accelerometer": _gain,
+    "radial": _tilt, "mount": _resonance, "mount-limited": _resonance_limited, "bandwidth": _bandwidth,
+    "clip": _saturation, "compressing": _saturation, "accelerometer": _gain,
 }  # fmt: skip
 
 
@@ -155,7 +160,7 @@ _FREQUENCY = ParameterSpec("frequency", "Hz", 1.0, 1e5, log=True, null=math.inf)
 
 def _rings_or_lags(values: Values) -> bool:
     """Whether a mount amplifies what is near its resonance, or else delays by more than a recorder leaves open."""
-    frequency, damping = values
+    frequency, damping = values[:2]
     return damping < DAMPED or lasts((damping / (math.pi * frequency),))
 
 
@@ -176,22 +181,34 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=one_start,
         possible=_tilt_possible,
     ),
-    EffectSpec(
-        name="sensor-resonance",
-        location="acquisition",
-        variant="mount",
-        family="sensor-gain",
-        parameters=(_FREQUENCY, ParameterSpec("damping", "1", 0.003, 1.5, log=True)),
-        law="w^2/(s^2 + 2 zeta w s + w^2)",
-        revealed_by=("hammer", "torque-sweep"),
-        look_alikes=_TIMING,
-        sensible=_rings_or_lags,
-        apply=_of_all("mount"),
-        scale=_resonance_sizes,
-        starts=lambda problem: ((0.05,), (0.3,)),
-        possible=needs_accelerometer,
-        limits=_resonance_limits,
-        residual_starts=_ringing,
+    *(
+        EffectSpec(
+            name="sensor-resonance",
+            location="acquisition",
+            variant=variant,
+            family="sensor-gain",
+            parameters=(_FREQUENCY, ParameterSpec("damping", "1", 0.003, 1.5, log=True), *further),
+            law=law,
+            revealed_by=("hammer", "torque-sweep"),
+            look_alikes=_TIMING,
+            sensible=_rings_or_lags,
+            apply=_of_all(variant),
+            scale=_resonance_sizes,
+            starts=starts,
+            possible=needs_accelerometer,
+            limits=_resonance_limits,
+            residual_starts=residual_starts,
+        )
+        for variant, further, law, starts, residual_starts in (
+            ("mount", (), "w^2/(s^2 + 2 zeta w s + w^2)", lambda problem: ((0.05,), (0.3,)), _ringing),
+            (
+                "mount-limited",  # fitted from where the mount alone was found
+                (ParameterSpec("corner", "1", 0.2, 50.0, log=True),),
+                "w^2/((s^2 + 2 zeta w s + w^2) (1 + s/(corner w)))",
+                lambda problem: ((0.1, 4.0),),
+                None,
+            ),
+        )
     ),
     EffectSpec(
         name="sensor-resonance",

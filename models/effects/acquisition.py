@@ -39,11 +39,13 @@ def tilt(building: Building, location: str, variant: str, p: Parameters) -> str:
 
 
 def resonance(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """The accelerometer's mount resonates, or its bandwidth ends."""
+    """The accelerometer's mount resonates, or its bandwidth ends, or both."""
     if variant.startswith("bandwidth") or "damping" not in p:
         building.law("sensor-bandwidth", frequency=p["frequency"], **_place(variant))
     else:
         building.law("sensor-resonance", frequency=p["frequency"], damping=p["damping"], **_place(variant))
+        if "corner" in p:
+            building.law("sensor-bandwidth", frequency=p["corner"] * p["frequency"], **_place(variant))
     return ""
 
 

@@ -13,7 +13,7 @@ from jointscope.diagnosis.twins import BY_EYE, MOST, foreknown
 NEAR, FAR = 0.55, 0.95
 VALUES = {
     "radial": (0.1,), "mount": (150.0, 0.1), "bandwidth": (200.0,), "clip": (5.0,), "compressing": (5.0, 2.0),
-    "accelerometer": (1.1,),
+    "accelerometer": (1.1,), "mount-limited": (150.0, 0.1, 4.0),
 }  # fmt: skip
 
 

@@ -119,6 +119,8 @@ CATALOGUE = [
     ("clock-drift", "acquisition", "constant", {"ppm": 60.0}, "ppm", 0.0),
     ("sensor-tilt", "acquisition", "radial", {"angle": 0.05}, "angle", 0.0),
     ("sensor-resonance", "acquisition", "mount", {"frequency": 300.0, "damping": 0.05}, "frequency", math.inf),
+    ("sensor-resonance", "acquisition", "mount-limited", {"frequency": 300.0, "damping": 0.05, "corner": 4.0},
+     "frequency", math.inf),
     ("sensor-resonance", "acquisition", "bandwidth", {"frequency": 300.0}, "frequency", math.inf),
     ("sensor-saturation", "acquisition", "clip", {"level": 20.0}, "level", math.inf),
     ("sensor-saturation", "acquisition", "compressing", {"level": 20.0, "knee": 2.0}, "level", math.inf),
