@@ -13,6 +13,7 @@ shows alike, and that the gear's form explains little of, is the encoder's.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,9 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.noise import block_key, dynamic_level
-from jointscope.diagnosis.problem import recorded_angle
-from jointscope.diagnosis.turning import PARAMETERS, Turned, best_order, fitted_line, projected, turned
+from jointscope.diagnosis.noise import Key, block_key
+from jointscope.diagnosis.turning import (
+    Turned,
+    angles_at_outputs,
+    best_order,
+    fitted_line,
+    net_gain,
+    projected,
+    share_of_signal,
+    turned,
+)
 from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:
@@ -48,51 +57,40 @@ def without_encoder_lines(problem: Problem, stage: Stage) -> Problem:
     keys = dict.fromkeys(
         block_key(run, o) for run in stage.objective.prepared for o in run.outputs if o.quantity == WIND_UP
     )
-    found: list[Line] = []
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
+    found: dict[Key, list[Line]] = {}
     for key in keys:
         runs = turned(stage.objective, stage.predictions, key)
-        found.extend(_lines(stage, theta, runs) if len(runs) > 1 else ())
+        lines = _lines(stage, theta, runs) if len(runs) > 1 else []
+        if lines:
+            found[key] = lines
     if not found:
         return problem
     said = [
         f"the encoders' difference holds {1e6 * math.hypot(*step):.3g} urad that repeat {order:.4g} times per turn of the "
-        "joint whatever its speed: taken off as an encoder's own"
-        for order, step in found
+        f"joint whatever its speed ({key[0]}): taken off as an encoder's own"
+        for key, lines in found.items()
+        for order, step in lines
     ]
-    runs_without = tuple(replace(run, outputs=_outputs(run, found)) for run in problem.runs)
-    return replace(problem, runs=runs_without, findings=(*problem.findings, *said))
+    without = tuple(replace(run, outputs=_outputs(run, found)) for run in problem.runs)
+    return replace(problem, runs=without, findings=(*problem.findings, *said))
 
 
 def _lines(stage: Stage, theta: Vector, runs: list[Turned]) -> list[Line]:
     found: list[Line] = []
-    level = _level(runs)
     for _ in range(LINES):
         order, tried = best_order(stage.objective, runs)
         if tried == 0:
             break
         explained, step = fitted_line(runs, order)
-        samples = sum(run.w.size for run in runs)
-        dispersion = max(1.0, sum(float(run.w @ run.w) for run in runs) / samples)
-        net = 0.5 * explained / dispersion - 0.5 * PARAMETERS * math.log(samples) - math.log(tried)
-        geared = projected([(run.w, _geared(run, theta, order)) for run in runs])[0]
-        small = math.hypot(*step) < LARGEST * math.sqrt(2.0) * level
-        if not (net > STANDS and geared < OF_A_GEAR * explained and small and _shown_alike(runs, order, step)):
+        net, _ = net_gain(runs, explained, tried)
+        geared, _ = projected([(run.w, _geared(run, theta, order)) for run in runs])
+        blemish = share_of_signal(runs, step) < LARGEST and geared < OF_A_GEAR * explained
+        if not (net > STANDS and blemish and _shown_alike(runs, order, step)):
             break
         found.append((order, step))
         runs = [replace(run, w=run.w - run.columns(order) @ step) for run in runs]
     return found
-
-
-def _level(runs: list[Turned]) -> float:
-    """Rms of the channel over the runs [rad]."""
-    levels = [
-        dynamic_level(output)
-        for run in runs
-        for output, wanted in zip(run.objective.prepared[run.index].outputs, run.wanted, strict=True)
-        if wanted
-    ]
-    return math.sqrt(float(np.mean(np.square(levels))))
 
 
 def _shown_alike(runs: list[Turned], order: float, step: Vector) -> bool:
@@ -120,17 +118,11 @@ def _geared(run: Turned, theta: Vector, order: float) -> NDArray[np.float64]:
     return run.whitened(arrays)
 
 
-def _outputs(run: PreparedRun, lines: list[Line]) -> tuple[Output, ...]:
-    angle = recorded_angle(run) if run.observed is not None and not run.observed.commanded else None
-    if angle is None:
-        return run.outputs
-    half = run.t0 + np.arange(len(angle)) / (2.0 * run.grid_rate)
+def _outputs(run: PreparedRun, lines: Mapping[Key, Sequence[Line]]) -> tuple[Output, ...]:
     found = []
-    for output in run.outputs:
+    for output, q in zip(run.outputs, angles_at_outputs(run), strict=False):
         data = output.data
-        if output.quantity == WIND_UP:
-            q = np.interp(output.times, half, angle)
-            for order, (cosine, sine) in lines:
-                data = data - cosine * np.cos(order * q) - sine * np.sin(order * q)
+        for order, (cosine, sine) in lines.get(block_key(run, output), ()):
+            data = data - cosine * np.cos(order * q) - sine * np.sin(order * q)
         found.append(replace(output, data=data))
-    return tuple(found)
+    return tuple(found) or run.outputs

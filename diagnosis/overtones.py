@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.effects.periodic import MOTOR_ORDER
 from jointscope.diagnosis.rivals import grown
-from jointscope.diagnosis.turning import repeating
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
+    from jointscope.diagnosis.remainder import Remainder
     from jointscope.diagnosis.search import Effort, Hypothesis
 
 OVERTONES = (2, 3)
@@ -24,11 +24,16 @@ NEAR = 0.02  # of an overtone's order
 
 
 def overtones(
-    judgement: Judgement, chosen: Judged, specs: Sequence[EffectSpec], effort: Effort
+    judgement: Judgement,
+    chosen: Judged,
+    repeats: Sequence[Remainder],
+    specs: Sequence[EffectSpec],
+    effort: Effort,
 ) -> list[Hypothesis]:
     """The chosen set with the overtones of its lines, where what it leaves repeats with one in runs not fitted too.
 
     Args:
+        repeats: What the chosen set leaves that repeats with the turn.
         specs: The laws that may be named.
     """
     objective = judgement.objective
@@ -37,7 +42,7 @@ def overtones(
     lines = [order for active in effects if (order := _per_turn(active, ratio)) is not None]
     if not lines:
         return []
-    left = [r.order for r in repeating(judgement, chosen) if r.order is not None and r.stands]
+    left = [r.order for r in repeats if r.order is not None and r.stands]
     if not any(abs(found - k * line) < NEAR * k * line for found in left for line in lines for k in OVERTONES):
         return []
     names = {active.spec.name for active in effects}

@@ -143,12 +143,14 @@ def diagnose(
         before, decision = decision, decide(judgement)
         if decision.chosen.names == before.chosen.names:
             break
-    richer = overtones(judgement, decision.chosen, specs, effort)
+    repeats = repeating(judgement, decision.chosen)
+    richer = overtones(judgement, decision.chosen, repeats, specs, effort)
     if richer:
         judgement = judge(stage, (*hypotheses, *richer), split.held_out)
         decision = decide(judgement)
+        repeats = repeating(judgement, decision.chosen)
     following = remainders(judgement, decision.chosen)
-    left = (*following, *repeating(judgement, decision.chosen))
+    left = (*following, *repeats)
     changing: tuple[Change, ...] = ()
     decision = with_remainder(decision, left)
     if decision.verdict == "effects":

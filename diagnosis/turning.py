@@ -28,6 +28,7 @@ from jointscope.recordings.campaign import FORCES
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged, Judgement
     from jointscope.diagnosis.objective import Objective, Predictions
+    from jointscope.diagnosis.problem import PreparedRun
 
 Vector = NDArray[np.float64]
 
@@ -70,14 +71,19 @@ def turned(objective: Objective, predictions: Predictions, key: Key) -> list[Tur
     found = []
     for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
         wanted = tuple(block_key(run, output) == key for output in run.outputs)
-        asked = any(wanted) and run.observed is not None and not run.observed.commanded
-        angle = recorded_angle(run) if asked else None
-        if angle is None or np.ptp(angle) < TRAVEL:
-            continue
-        half = run.t0 + np.arange(len(angle)) / (2.0 * run.grid_rate)
-        angles = tuple(np.interp(output.times, half, angle) for output in run.outputs)
-        found.append(Turned(objective, i, objective.whiten_run(i, predicted), angles, wanted))
+        angles = angles_at_outputs(run) if any(wanted) else ()
+        if angles and np.ptp(angles[0]) >= TRAVEL:
+            found.append(Turned(objective, i, objective.whiten_run(i, predicted), angles, wanted))
     return found
+
+
+def angles_at_outputs(run: PreparedRun) -> tuple[Vector, ...]:
+    """Recorded angle at the joint output at the samples of each of the run's outputs [rad]; none where none was recorded."""
+    angle = recorded_angle(run) if run.observed is not None and not run.observed.commanded else None
+    if angle is None:
+        return ()
+    half = run.t0 + np.arange(len(angle)) / (2.0 * run.grid_rate)
+    return tuple(np.interp(output.times, half, angle) for output in run.outputs)
 
 
 def _orders(runs: list[Turned]) -> Vector:
@@ -147,23 +153,32 @@ def repeating(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
     return tuple(sorted(found, key=lambda r: -r.gain))
 
 
+def net_gain(runs: list[Turned], explained: float, tried: int) -> tuple[float, float]:
+    """Nats of a line net of its parameters and of the orders tried, and the excess of the noise by which they count."""
+    samples = sum(run.w.size for run in runs)
+    dispersion = max(1.0, sum(float(run.w @ run.w) for run in runs) / samples)
+    return 0.5 * explained / dispersion - 0.5 * PARAMETERS * math.log(samples) - math.log(tried), dispersion
+
+
+def share_of_signal(runs: list[Turned], step: Vector) -> float:
+    """Rms of a line over that of the channel's signal [-]; 0 where the channel holds none."""
+    levels = [
+        dynamic_level(output)
+        for run in runs
+        for output, wanted in zip(run.objective.prepared[run.index].outputs, run.wanted, strict=True)
+        if wanted
+    ]
+    level = math.sqrt(float(np.mean(np.square(levels))))
+    return float(np.hypot(*step)) / math.sqrt(2.0) / level if level > 0.0 else 0.0
+
+
 def _remainder(key: Key, order: float, fitted: list[Turned], kept: list[Turned], tried: int) -> Remainder:
     explained, step = fitted_line(fitted, order)
-    samples = sum(run.w.size for run in fitted)
-    dispersion = max(1.0, sum(float(run.w @ run.w) for run in fitted) / samples)
-    gain = 0.5 * explained / dispersion - 0.5 * PARAMETERS * math.log(samples) - math.log(tried)
+    gain, dispersion = net_gain(fitted, explained, tried)
     changes = [run.columns(order) @ step for run in kept]
     held_gain = sum(
         float(run.w @ change) - 0.5 * float(change @ change) for run, change in zip(kept, changes, strict=True)
     )
     foretold = 0.5 * sum(float(change @ change) for change in changes)
-    size = float(np.hypot(*step)) / math.sqrt(2.0)
-    levels = [
-        dynamic_level(output)
-        for run in fitted
-        for output, wanted in zip(run.objective.prepared[run.index].outputs, run.wanted, strict=True)
-        if wanted
-    ]
-    level = math.sqrt(float(np.mean(np.square(levels))))
-    material = size / level if level > 0.0 else 0.0
+    material = share_of_signal(fitted, step)
     return Remainder(key, gain, held_gain / dispersion, foretold / dispersion, material, order=order)

@@ -156,12 +156,17 @@ def _soft_level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 _TIMING = ("delay", "drive-lag", "link-flexibility")
 _FREQUENCY = ParameterSpec("frequency", "Hz", 1.0, 1e5, log=True, null=math.inf)
+_DAMPING = ParameterSpec("damping", "1", 0.003, 1.5, log=True)
 
 
 def _rings_or_lags(values: Values) -> bool:
     """Whether a mount amplifies what is near its resonance, or else delays by more than a recorder leaves open."""
     frequency, damping = values[:2]
     return damping < DAMPED or lasts((damping / (math.pi * frequency),))
+
+
+def _lags(values: Values) -> bool:
+    return lasts((1.0 / (2.0 * math.pi * values[0]),))
 
 
 SPECS: tuple[EffectSpec, ...] = (
@@ -187,11 +192,11 @@ SPECS: tuple[EffectSpec, ...] = (
             location="acquisition",
             variant=variant,
             family="sensor-gain",
-            parameters=(_FREQUENCY, ParameterSpec("damping", "1", 0.003, 1.5, log=True), *further),
+            parameters=(_FREQUENCY, *further),
             law=law,
             revealed_by=("hammer", "torque-sweep"),
             look_alikes=_TIMING,
-            sensible=_rings_or_lags,
+            sensible=_rings_or_lags if further else _lags,
             apply=_of_all(variant),
             scale=_resonance_sizes,
             starts=starts,
@@ -200,31 +205,16 @@ SPECS: tuple[EffectSpec, ...] = (
             residual_starts=residual_starts,
         )
         for variant, further, law, starts, residual_starts in (
-            ("mount", (), "w^2/(s^2 + 2 zeta w s + w^2)", lambda problem: ((0.05,), (0.3,)), _ringing),
+            ("mount", (_DAMPING,), "w^2/(s^2 + 2 zeta w s + w^2)", lambda problem: ((0.05,), (0.3,)), _ringing),
             (
                 "mount-limited",  # fitted from where the mount alone was found
-                (ParameterSpec("corner", "1", 0.2, 50.0, log=True),),
+                (_DAMPING, ParameterSpec("corner", "1", 0.2, 50.0, log=True)),
                 "w^2/((s^2 + 2 zeta w s + w^2) (1 + s/(corner w)))",
                 lambda problem: ((0.1, 4.0),),
                 None,
             ),
+            ("bandwidth", (), "1/(1 + s/w)", one_start, None),
         )
-    ),
-    EffectSpec(
-        name="sensor-resonance",
-        location="acquisition",
-        variant="bandwidth",
-        family="sensor-gain",
-        parameters=(_FREQUENCY,),
-        law="1/(1 + s/w)",
-        revealed_by=("hammer", "torque-sweep"),
-        look_alikes=_TIMING,
-        sensible=lambda values: lasts((1.0 / (2.0 * math.pi * values[0]),)),
-        apply=_of_all("bandwidth"),
-        scale=_resonance_sizes,
-        starts=one_start,
-        possible=needs_accelerometer,
-        limits=_resonance_limits,
     ),
     *(
         EffectSpec(

@@ -76,10 +76,11 @@ LEFT = {
 }
 
 
-def staged(kind, signal=1e-3):
+def staged(kind, signal=1e-3, experiments=("speed-motion",) * 3):
     rng = np.random.default_rng(4)
     takes, left = [], []
-    for pace, start in ((1.0, 0.0), (0.8, -0.2), (1.1, 0.1)):
+    ways = ((1.0, 0.0), (0.8, -0.2), (1.1, 0.1), (0.9, 0.0))
+    for experiment, (pace, start) in zip(experiments, ways, strict=False):
         t = np.arange(round(RATE * SECONDS)) / RATE
         half = np.arange(2 * t.size + 1) / (2.0 * RATE)
         r = LEFT[kind](t, pace, start) + NOISE * rng.standard_normal(t.size)
@@ -88,7 +89,7 @@ def staged(kind, signal=1e-3):
             Take(
                 (Channel(t, wind_up + r, np.ones(t.size, bool)),),
                 angle(half, pace, start),
-                SimpleNamespace(experiment="speed-motion", brake=False),
+                SimpleNamespace(experiment=experiment, brake=False),
                 SimpleNamespace(rate_signal=False, commanded=False),
             )
         )
@@ -98,13 +99,13 @@ def staged(kind, signal=1e-3):
         theta[BASE_INDEX[name]] = value
     objective = SimpleNamespace(
         prepared=takes,
-        runs=(0, 1, 2),
-        whiteners=[lambda arrays: np.concatenate(arrays) / NOISE] * 3,
+        runs=tuple(range(len(takes))),
+        whiteners=[lambda arrays: np.concatenate(arrays) / NOISE] * len(takes),
         whiten_run=lambda i, predicted: left[i][1] / NOISE,
         map=lambda f, items: [f(item) for item in items],
     )
     fit = SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (theta, ())))
-    stage = SimpleNamespace(objective=objective, fit=fit, predictions=[((),)] * 3)
+    stage = SimpleNamespace(objective=objective, fit=fit, predictions=[((),)] * len(takes))
     return Case(tuple(takes)), stage, left
 
 
@@ -113,6 +114,16 @@ def test_a_line_of_an_encoder_is_taken_off():
     found = without_encoder_lines(case, stage)
     (said,) = found.findings
     assert "800" in said and "70" in said
+    for run, (wind_up, _) in zip(found.runs, left, strict=True):
+        assert np.std(run.outputs[0].data - wind_up) < 1.1 * NOISE
+
+
+def test_a_line_that_two_experiments_show_is_taken_off_each_once():
+    case, stage, left = staged(
+        "encoder", experiments=("speed-motion", "speed-motion", "torque-sweep", "torque-sweep")
+    )
+    found = without_encoder_lines(case, stage)
+    assert len(found.findings) == 2
     for run, (wind_up, _) in zip(found.runs, left, strict=True):
         assert np.std(run.outputs[0].data - wind_up) < 1.1 * NOISE
 

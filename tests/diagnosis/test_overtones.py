@@ -22,7 +22,6 @@ def asked(monkeypatch, problem, active, left, stands=True):
         grown_by.extend({c.spec.variant for c in candidates})
         return []
 
-    monkeypatch.setattr(module, "repeating", lambda *_: (SimpleNamespace(order=left, stands=stands),))
     monkeypatch.setattr(module, "grown", grown)
     rig = SimpleNamespace(reduction_ratio=RATIO)
     monkeypatch.setattr(module, "candidates_for", lambda _, laws: [SimpleNamespace(spec=s) for s in laws])
@@ -31,7 +30,7 @@ def asked(monkeypatch, problem, active, left, stands=True):
     )
     where = SimpleNamespace(unpack=lambda _: (None, (active,)))
     chosen = SimpleNamespace(fit=SimpleNamespace(coordinates=where, x=None), hypothesis=None)
-    module.overtones(judgement, chosen, catalogue(problem), None)
+    module.overtones(judgement, chosen, [SimpleNamespace(order=left, stands=stands)], catalogue(problem), None)
     return sorted(grown_by)
 
 
