@@ -23,6 +23,7 @@ from jointscope.diagnosis.effects.coupled import PLAIN
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
+from jointscope.diagnosis.heavy_modes import heavy_modes
 from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
@@ -275,6 +276,7 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(first, _uncoupled(arena), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
+    further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
     if _may_play(arena):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:
@@ -304,6 +306,7 @@ def explore(
         pairs.extend(beside)
         if bends:
             pairs.extend(bends_beside(arena.objective, parent, effort))
+        pairs.extend(heavy_modes(arena.objective, parent.fit, candidates))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)

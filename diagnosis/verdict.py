@@ -32,9 +32,7 @@ NEARER = 0.25  # of half the squared distance of their predictions, which is wha
 SAME = 30.0  # nats of distance within which two predictions of a much stronger effect are the same
 CONTAINING = 8.0  # nats by which a law that contains another must lead it ...
 OF_CONTAINED = 5e-5  # ... or this share of what that one explains: no form is exact to less
-OPEN = (
-    0.6  # nats by which a law is believed in beside one that contains it and is left open: it is the simpler one
-)
+OPEN = 0.6  # nats by which a law is believed in beside one that contains it and is left open: it is simpler
 SPARING = (
     0.0,
     0.0,
@@ -50,9 +48,8 @@ SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in fo
 FORESEEN = 4.0  # times an error's innovation, above which it is no noise
 MATTERS = 0.02  # of the signal's rms, below which an error's colour says nothing
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
-LACKING = (
-    0.005  # of the signal's rms, left by the base and common to runs driven alike, that no candidate explains
-)
+A_THIRD = 0.001  # of a pair's score, less than which a third effect adds what the pair's own laws are off by
+LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...
 NEARLY_ALL = 0.9  # ... unless it explains this of the mismatch's energy
@@ -183,6 +180,9 @@ def rank(judgement: Judgement) -> list[Ranked]:
             for other, (v, _) in best.items()
             if 0 < len(other) < len(names) and not set(other) < set(names)
         }
+        pairs = [v for other, (v, _) in best.items() if 1 < len(other) < len(names) and set(other) < set(names)]
+        if pairs and 0.0 < value < (1.0 + A_THIRD) * max(pairs):
+            best[names] = (-NOT_STANDING, judged)
         leading = [other for other, v in simpler.items() if value < LEADS_FEWER * v]
         if leading and not all(_beside_a_form(judgement, judged, best, other) for other in leading):
             best[names] = (min(value, 0.0) - NOT_STANDING, judged)

@@ -8,11 +8,14 @@ J_L, and that sensor k reads by a share s_rk (the product of both shapes, so of 
 That is the whole of a linear structure's response (modal superposition, e.g. Ewins, Modal Testing, chapter 2), without the
 one bend's coupling to a law of the transmission. Starts come from the recordings themselves (``diagnosis.modal``).
 
+A bend by which every sensor stops to follow the arm is no bend but the sensors' own resonance.
+
 Facts used as tests: the response is the sum of the modes' own; without shares and with equal shapes it is the base.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
 MOST_MODES = 8
 MOST_SENSORS = 3
 _LARGEST = 1e3  # share of a mode
+_FOLLOWING = 0.15  # of the rigid arm's acceleration, less than which a sensor that no longer follows reads
 
 
 def _apply(modes: int, sensors: int) -> Apply:
@@ -67,6 +71,22 @@ def possible(problem: Problem) -> str | None:
     return None
 
 
+def _followed(modes: int, sensors: int) -> Callable[[Values], bool]:
+    """Whether some sensor still follows the arm above the last bend.
+
+    w^2/(s^2 + 2 zeta w s + w^2) = 1 - s (s + 2 zeta w)/(...): a bend of the share -1 in every sensor is the sensors' own.
+    """
+    width = 2 + sensors
+
+    def sensible(values: Values) -> bool:
+        shapes = (1.0, *values[width * modes :])
+        shares = [values[width * r + 2 : width * (r + 1)] for r in range(modes)]
+        above = [abs(shape + sum(row[k] for row in shares)) for k, shape in enumerate(shapes)]
+        return any(left > _FOLLOWING * abs(shape) for left, shape in zip(above, shapes, strict=True))
+
+    return sensible
+
+
 def _bends(modes: int, sensors: int) -> EffectSpec:
     width = 2 + sensors
     shares = [width * r + k for r in range(modes) for k in range(2, width)]
@@ -83,6 +103,7 @@ def _bends(modes: int, sensors: int) -> EffectSpec:
         scale=lambda problem: (0.5, 1.0, 1.5),  # this and the starts come from the recordings: ``started``
         starts=one_start,
         possible=possible,
+        sensible=_followed(modes, sensors),
         proportional=tuple(shares[1:]),
     )
 

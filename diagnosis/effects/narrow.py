@@ -36,7 +36,10 @@ FEWEST_BINS = 5  # of the spectrum, the same
 BACKGROUND = 101  # bins whose median is the noise
 EDGES = 0.1  # of a record that starts or ends in motion, tapered
 HIGHEST = 0.45  # of the sampling rate
-APART = (0.05, 5.0)  # in frequency, or this many half widths of the clearer one, within which there is no other
+APART = (
+    0.05,
+    5.0,
+)  # in frequency, or this many half widths of the clearer one in the same runs: there is no other
 TELLING = 12.0  # nats that the clearest of a thousand hardly gains from noise alone
 EACH = 3  # per kind of experiment
 MOST = 6
@@ -56,7 +59,7 @@ def narrow_modes(
     grids = _grids(low, high)
     kinds = [[_gains(channels, *grid) for grid in grids] for channels in _kinds(problem, residuals).values()]
     found = [mode for gains in kinds for mode in _clearest(gains, grids)[:EACH]]
-    return tuple((f, zeta) for _, f, zeta in _distinct(found)[:MOST])
+    return tuple((f, zeta) for _, f, zeta in _distinct(found, 0.0)[:MOST])
 
 
 def _grids(low: float, high: float) -> list[tuple[Vector, float]]:
@@ -98,18 +101,18 @@ def _differentiations(output: Output) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Channel:
-    """Spectra of a channel in the runs of one kind.
+    """Spectra of a channel in the runs of one kind, over the size of the noise at each frequency.
+
+    What is differentiated is noisier at its upper end: over the noise in its middle alone a wide window is all gain.
 
     Attributes:
         left, said: What the model leaves and says, shape (n_runs, n_bins).
-        noise: Power of the former per run, shape (n_bins,).
         bins: Their frequencies [Hz], shape (n_bins,).
         rate: Sampling rate [Hz].
     """
 
     left: NDArray[np.complex128]
     said: NDArray[np.complex128]
-    noise: Vector
     bins: Vector
     rate: float
 
@@ -122,7 +125,8 @@ def _spectra(takes: list[tuple[Vector, Vector]], rate: float) -> _Channel:
         1.0 - 1.0 / (9.0 * len(takes))
     ) ** 3  # the median of that many exponentials' mean (Wilson and Hilferty)
     noise: Vector = median_filter(power, size=BACKGROUND, mode="nearest") / of_mean + 1e-12 * float(power.max())
-    return _Channel(left, said, noise, np.arange(noise.size) * (rate / n), rate)
+    size = np.sqrt(noise)
+    return _Channel(left / size, said / size, np.arange(size.size) * (rate / n), rate)
 
 
 def _gains(channels: list[_Channel], frequencies: Vector, zeta: float) -> Vector:
@@ -139,7 +143,7 @@ def _gains(channels: list[_Channel], frequencies: Vector, zeta: float) -> Vector
                 continue
             term = x * (f * f / (f * f - u * u + 2j * zeta * f * u))
             term -= np.vdot(x, term) / size * x
-            size = np.vdot(term, term).real * channel.noise[int(f / width)]
+            size = np.vdot(term, term).real
             if size > 0.0:
                 total[i] += abs(np.vdot(term, channel.left[:, around])) ** 2 / size
     return total
@@ -153,13 +157,13 @@ def _clearest(gains: list[Vector], grids: list[tuple[Vector, float]]) -> list[tu
         for g, f in zip(row, frequencies, strict=True)
         if g > TELLING
     ]
-    return _distinct(everything)
+    return _distinct(everything, APART[1])
 
 
-def _distinct(modes: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-    """Clearest first, without those in the skirts of a clearer one."""
+def _distinct(modes: list[tuple[float, float, float]], skirts: float) -> list[tuple[float, float, float]]:
+    """Clearest first, without those within so many half widths of a clearer one: its skirts, in runs of its kind."""
     found: list[tuple[float, float, float]] = []
     for mode in sorted(modes, reverse=True):
-        if all(abs(mode[1] / f - 1.0) > max(APART[0], APART[1] * zeta) for _, f, zeta in found):
+        if all(abs(mode[1] / f - 1.0) > max(APART[0], skirts * zeta) for _, f, zeta in found):
             found.append(mode)
     return found

@@ -58,8 +58,8 @@ class Heard:
     rows: list
 
 
-def heard_by(channels, hits=4, rate=1000.0, seconds=2.0, seed=1):
-    """Records of hits in which each channel has (size of a mode at 33 Hz in it, size of its noise)."""
+def heard_by(channels, hits=4, rate=1000.0, seconds=2.0, seed=1, mode=(33.0, 0.01), experiment="hammer"):
+    """Records in which each channel has (size of a mode at 33 Hz in it, size of its noise)."""
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds * rate)) / rate
     runs, rows = [], []
@@ -67,7 +67,8 @@ def heard_by(channels, hits=4, rate=1000.0, seconds=2.0, seed=1):
         outputs, left = [], []
         for quantity, (size, noise) in channels.items():
             said = np.exp(-0.03 * 2 * np.pi * 40.0 * t) * np.sin(2 * np.pi * 40.0 * t)
-            rings = np.exp(-0.01 * 2 * np.pi * 33.0 * t) * np.sin(2 * np.pi * 33.0 * t)
+            w, zeta = 2 * np.pi * mode[0], mode[1]
+            rings = np.exp(-zeta * w * t) * np.sin(w * t)
             r = size * np.convolve(said, rings)[: t.size] / rate + noise * rng.standard_normal(t.size)
             outputs.append(
                 SimpleNamespace(
@@ -76,7 +77,8 @@ def heard_by(channels, hits=4, rate=1000.0, seconds=2.0, seed=1):
                 )
             )  # fmt: skip
             left.append(r)
-        runs.append(SimpleNamespace(run=SimpleNamespace(experiment="hammer", brake=True), outputs=outputs))
+        of = SimpleNamespace(experiment=experiment, brake=experiment == "hammer")
+        runs.append(SimpleNamespace(run=of, outputs=outputs))
         rows.append(left)
     return Heard(runs, rows)
 
@@ -91,3 +93,11 @@ def test_one_channel_is_enough(shown_by):
     assert found and abs(found[0][0] / 33.0 - 1.0) < 0.01
     nothing = heard_by({quantity: (0.0, noise) for quantity, (_, noise) in sizes.items()})
     assert len(narrow_modes(nothing, Residuals(nothing.rows), 4.0, 300.0)) <= 1
+
+
+def test_what_one_kind_of_experiment_leaves_broadly_does_not_hide_what_another_shows_sharply():
+    hits = heard_by({"linear-acceleration": (1.0, 1e-3)})
+    sweeps = heard_by({"linear-acceleration": (9.0, 1e-3)}, mode=(40.0, 0.06), experiment="torque-sweep")
+    both = Heard([*hits.runs, *sweeps.runs], [*hits.rows, *sweeps.rows])
+    found = narrow_modes(both, Residuals(both.rows), 4.0, 300.0)
+    assert min(abs(f / 33.0 - 1.0) for f, _ in found) < 0.01

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from jointscope.diagnosis.effects import at_rig, catalogue
+from jointscope.diagnosis.effects import at_rig, bends, catalogue
 from jointscope.diagnosis.effects.hysteresis import SPECS as HYSTERESIS
 from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
 from jointscope.diagnosis.effects.standstill import COULOMB, STRIBECK, rises_above
@@ -117,3 +117,15 @@ def test_friction_that_builds_up_over_all_of_a_motion_is_a_spring(problem, name,
 )
 def test_rounded_friction_is_stribecks_where_it_anywhere_exceeds_what_slides(values, falls):
     assert rises_above(values) is falls
+
+
+def test_a_bend_by_which_every_sensor_stops_to_follow_the_arm_is_the_sensors_own():
+    """1 - s (s + 2 zeta w)/(s^2 + 2 zeta w s + w^2) is a mount's resonance, whatever else rings below it."""
+    one = next(s for s in bends.SPECS if s.variant == "1-bends-1-places")
+    assert one.sensible((518.0, 0.05, -0.5)) and one.sensible((518.0, 0.05, 0.3))
+    assert not one.sensible((518.0, 0.05, -1.03))
+    two = next(s for s in bends.SPECS if s.variant == "2-bends-1-places")
+    assert not two.sensible((518.0, 0.05, -1.03, 64.0, 0.03, 0.03))
+    placed = next(s for s in bends.SPECS if s.variant == "1-bends-2-places")
+    assert placed.sensible((518.0, 0.05, -1.0, 0.4, 0.7))
+    assert not placed.sensible((518.0, 0.05, -1.0, -0.7, 0.7))

@@ -209,3 +209,10 @@ def test_a_pair_need_not_lead_the_other_form_of_its_friction_by_a_tenth(monkeypa
     monkeypatch.setattr(verdict, "of_its_own", lambda *_: own)
     top = leading_of(monkeypatch, scores)
     assert (top.names == pair) is leads
+
+
+@pytest.mark.parametrize(("third", "names"), [(1e6 + 300.0, 2), (1e6 + 3000.0, 3)])
+def test_a_third_effect_adds_more_than_the_pairs_own_laws_are_off_by(monkeypatch, third, names):
+    """A mount and a weight with all their numbers right, 170 ppm behind the two with a delay of 22 us."""
+    scores = {(): 0.0, ("a@base",): 4e5, ("a@base", "b@load"): 1e6, ("a@base", "b@load", "c@acquisition"): third}
+    assert len(leading_of(monkeypatch, scores).names) == names

@@ -1,0 +1,161 @@
+r"""Modes as heavy as the arm, started where the joint beside them rings as what stood in for it does.
+
+The base, refitted without such a mode, has put its one resonance lambda = K_0/J_0 on one of the two that there are, with the
+response 1/J_0 of that one. Beside a mount of frequency w and share s = J_L/J_b, or a neighbour of J_p = s J_L, a joint of the
+stiffness K and the inertia J_L resonates there and responds as much where
+
+    mount:      K/J_L = k = lambda (w^2 - lambda)/(w^2 - (1 + s) lambda),   J_L = J_0/(1 + (1 - lambda/k)^2/s)
+    neighbour:  r = lambda/(w^2 - lambda),  J_L = J_0/(1 - s + s (1 + r)^2),   K = lambda J_L (1 + s r)
+
+(the two-mass eigenproblem solved for the joint). lambda may be the lower or the upper one of the two. A base that ended at
+neither says nothing; so what the recordings themselves ring at is tried as well, with the inertia that was expected. Over a
+grid of w and s the nearest to the data is fitted; from a small share the search would have to take the base through what
+explains nothing.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.base import relative_misfit
+from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.effects.lines import recorded, spectral_peaks
+from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.resonances import FREE
+from jointscope.diagnosis.search import Hypothesis, name_of, profile_loss
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.effects import EffectSpec
+    from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.refit import Fit
+
+Vector = NDArray[np.float64]
+
+MUCH = 0.1  # of the data's rms, left by the parent in the median channel
+MOUNTS = ("turning-mount", "sliding-mount", "carrier")
+LAWS = (*MOUNTS, "absorber")
+_K, _C, _J = (BASE_INDEX[name] for name in ("stiffness", "damping", "load_inertia"))
+FREQUENCIES = (0.5, 0.7, 0.88, 1.15, 1.4, 1.8, 2.3, 3.0)  # w/sqrt(lambda)
+SHARES = (0.1, 0.3, 0.7, 1.5)
+HEAVIEST = 0.85  # of the arm's inertia, a neighbour
+LIGHTEST = 0.1  # of the base's inertia, what is left to the joint
+RINGING = 2  # highest peaks of the recordings, tried beside the parent's own resonance
+BAND = (0.3, 4.0)  # times the joint's resonance, in which they are sought
+
+
+def beside_mount(squared: float, inertia: float, own: float, share: float) -> tuple[float, float] | None:
+    """K [N m/rad] and J_L [kg m^2] beside a mount, or ``None`` where no joint rings so.
+
+    Args:
+        squared: lambda [rad^2/s^2], where the joint is to resonate.
+        inertia: J_0 [kg m^2], as which it is to respond there.
+        own: w^2 of the mount alone [rad^2/s^2].
+        share: J_L over the mount's inertia [-].
+    """
+    apart = own - (1.0 + share) * squared
+    alone = squared * (own - squared) / apart if apart != 0.0 else 0.0
+    if alone <= 0.0:
+        return None
+    load = inertia / (1.0 + (1.0 - squared / alone) ** 2 / share)
+    return alone * load, load
+
+
+def beside_neighbour(squared: float, inertia: float, own: float, share: float) -> tuple[float, float] | None:
+    """The same beside a neighbour that is ``share`` of J_L."""
+    ratio = squared / (own - squared) if own != squared else 0.0
+    stiffer = 1.0 + share * ratio
+    if ratio == 0.0 or stiffer <= 0.0:
+        return None
+    load = inertia / (1.0 - share + share * (1.0 + ratio) ** 2)
+    return squared * load * stiffer, load
+
+
+def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
+    """The best fit of each law of a heavy mode beside ``parent``; none where that is near the data, or holds a mode.
+
+    Args:
+        candidates: Trials of every law.
+    """
+    held = parent.coordinates.effects
+    laws = _laws(candidates, held)
+    theta, effects = parent.coordinates.unpack(parent.x)
+    if not laws or any(spec.family == "mode" for spec in held) or theta[_K] <= 0.0:
+        return []
+    if relative_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
+        return []
+    expected, peaks = objective.problem.base.start, _peaks(objective.problem)
+    found = []
+    for trial in laws:
+        starts = [*_starts(theta, trial), *(s for squared in peaks for s in _expected(expected, trial, squared))]
+        costs = objective.map(lambda start: objective.misfit(start[0], (*effects, start[1])), starts)
+        where = coordinates(objective.problem, (*held, trial.spec))
+        base, active = starts[int(np.argmin(costs))]
+        x = where.pack(base, (*effects, active))
+        fit = least_squares(objective, where, x, iterations=FREE[0], tolerance=3e-3, simulations=FREE[1])
+        if fit.chi2 < parent.chi2:
+            found.append(Hypothesis((*held, trial.spec), fit, profile_loss(objective, fit.w)))
+    return found
+
+
+def _laws(candidates: Sequence[ActiveEffect], held: Sequence[EffectSpec]) -> list[ActiveEffect]:
+    """One trial of each law of a heavy mode that no effect beside it has the name of."""
+    taken = {name_of(spec) for spec in held}
+    first: dict[int, ActiveEffect] = {}
+    for active in candidates:
+        spec = active.spec
+        if spec.family == "mode" and spec.variant in LAWS and name_of(spec) not in taken:
+            first.setdefault(id(spec), active)
+    return list(first.values())
+
+
+def _peaks(problem: Problem) -> list[float]:
+    """lambda [rad^2/s^2] of the highest peaks of the recordings themselves."""
+    low, high = (factor * problem.scales.frequency for factor in BAND)
+    peaks = spectral_peaks(problem, recorded(problem), low, high, RINGING, narrow=False)
+    return [(2.0 * math.pi * f) ** 2 for f in peaks]
+
+
+def _starts(theta: Vector, trial: ActiveEffect) -> Iterator[tuple[Vector, ActiveEffect]]:
+    """Base parameters and the mode, its other numbers as in ``trial``, where the base ``theta`` stood in for both."""
+    squared, expected = float(theta[_K] / theta[_J]), float(theta[_J])
+    for own, share, joint in _beside(trial, squared, expected):
+        if joint[1] < LIGHTEST * expected:
+            continue
+        base = theta.copy()
+        base[_K], base[_J] = joint
+        mount = trial.spec.variant in MOUNTS
+        base[_C] *= (joint[0] / joint[1] / squared) ** 2 if mount else joint[1] / expected
+        yield base, _moved(trial, own, share)
+
+
+def _expected(start: Vector, trial: ActiveEffect, squared: float) -> Iterator[tuple[Vector, ActiveEffect]]:
+    """The same where the joint has the inertia and the damping that were expected, and ``squared`` is where it all rings."""
+    for own, share, joint in _beside(trial, squared, float(start[_J])):
+        base = start.copy()
+        base[_K] = joint[0] / joint[1] * start[_J]
+        yield base, _moved(trial, own, share)
+
+
+def _beside(
+    trial: ActiveEffect, squared: float, inertia: float
+) -> Iterator[tuple[float, float, tuple[float, float]]]:
+    """w^2, share, and K and J_L, for every frequency and share that can be."""
+    mount = trial.spec.variant in MOUNTS
+    for factor, ratio in itertools.product(FREQUENCIES, SHARES):
+        own, share = squared * factor**2, ratio if mount else min(ratio / (1.0 + ratio), HEAVIEST)
+        joint = (beside_mount if mount else beside_neighbour)(squared, inertia, own, share)
+        if joint is not None:
+            yield own, share, joint
+
+
+def _moved(trial: ActiveEffect, own: float, share: float) -> ActiveEffect:
+    return ActiveEffect(trial.spec, (math.sqrt(own) / (2.0 * math.pi), share, *trial.values[2:]))

@@ -1,0 +1,95 @@
+"""A mode as heavy as the arm is started where the joint beside it rings as the base that stood in for it does."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.heavy_modes import beside_mount, beside_neighbour, heavy_modes
+from jointscope.diagnosis.refit import least_squares
+
+SQUARED, INERTIA = (2.0 * np.pi * 25.0) ** 2, 3.0
+
+
+def modes(mass, stiffness, sensed):
+    """Squared frequencies and what each mode answers to a hit where it is sensed [1/(kg m^2)]."""
+    squares, shapes = eigh(stiffness, mass)
+    return squares, (sensed @ shapes) ** 2
+
+
+def mount(K, J, own, share):
+    """Wind-up and mount, of which the arm moves by the sum."""
+    J_b = J / share
+    return modes(np.array([[J, J], [J, J + J_b]]), np.diag([K, J_b * own]), np.array([1.0, 1.0]))
+
+
+def neighbour(K, J, own, share):
+    """Wind-up and the neighbour against the arm, on which neither hammer nor sensor rides."""
+    J_p = share * J
+    return modes(np.array([[J, J_p], [J_p, J_p]]), np.diag([K, J_p * own]), np.array([1.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("beside", "structure", "factor"),
+    [
+        *((beside_mount, mount, f) for f in (0.5, 0.8, 1.7, 3.0)),
+        *((beside_neighbour, neighbour, f) for f in (0.4, 1.1, 1.7, 3.0)),
+    ],
+)
+@pytest.mark.parametrize("share", [0.05, 0.4, 0.8])
+def test_the_joint_beside_the_mode_rings_and_answers_as_the_base_did(beside, structure, factor, share):
+    own = SQUARED * factor**2
+    found = beside(SQUARED, INERTIA, own, share)
+    assert found is not None
+    squares, answers = structure(*found, own, share)
+    at = int(np.argmin(np.abs(squares / SQUARED - 1.0)))
+    assert squares[at] == pytest.approx(SQUARED, rel=1e-9)
+    assert answers[at] == pytest.approx(1.0 / INERTIA, rel=1e-9)
+
+
+def test_no_joint_rings_there_beside_a_mount_that_would_have_to_be_pulled():
+    """Between w^2 = lambda and (1 + s) lambda the coupling alone moves the resonance further."""
+    assert beside_mount(SQUARED, INERTIA, 1.2 * SQUARED, 0.5) is None
+    assert beside_mount(SQUARED, INERTIA, 1.6 * SQUARED, 0.5) is not None
+    assert beside_neighbour(SQUARED, INERTIA, SQUARED, 0.2) is None
+    assert beside_neighbour(SQUARED, INERTIA, 0.64 * SQUARED, 0.4) is None  # 1 + s r < 0
+
+
+def test_a_light_mode_changes_nothing():
+    for beside in (beside_mount, beside_neighbour):
+        K, J = beside(SQUARED, INERTIA, 4.0 * SQUARED, 1e-7)
+        assert (K, J) == pytest.approx((SQUARED * INERTIA, INERTIA), rel=1e-5)
+
+
+def tried(problem, fitted, effects):
+    objective, at = fitted(problem, *effects)
+    start = at(problem.base.start)
+    base = least_squares(objective, start.coordinates, start.x, iterations=8, tolerance=1e-3)
+    theta, _ = base.coordinates.unpack(base.x)
+    left = residuals_of(objective, objective.predictions(theta, ()))
+    laws = tuple(s for s in catalogue(problem) if s.family == "mode" and s.possible(problem) is None)
+    return objective, base, candidates_for(problem, laws, left)
+
+
+def turning_mount(problem, share):
+    spec = next(s for s in catalogue(problem) if s.variant == "turning-mount")
+    return ActiveEffect(spec, (1.5 * problem.scales.frequency, share, 0.02))
+
+
+def test_a_rocking_mount_as_heavy_as_the_arm_is_found_and_the_joint_with_it(problem, recorded, fitted):
+    effect = turning_mount(problem, 0.8)
+    objective, base, candidates = tried(recorded(problem, 2e-3, effects=(effect,)), fitted, (effect,))
+    found = heavy_modes(objective, base, candidates)
+    best = min((h for h in found if h.specs[0].variant == "turning-mount"), key=lambda h: h.loss)
+    assert best.fit.chi2 < 0.01 * base.chi2
+    theta, (mode,) = best.fit.coordinates.unpack(best.fit.x)
+    assert mode.values[:2] == pytest.approx(effect.values[:2], rel=0.02)
+    for name in ("stiffness", "load_inertia"):
+        at = problem.base.names.index(name)
+        assert theta[at] == pytest.approx(problem.base.start[at], rel=0.02)
+
+
+def test_nothing_is_tried_where_the_base_is_near_the_data(problem, recorded, fitted):
+    objective, base, candidates = tried(recorded(problem, 2e-3), fitted, ())
+    assert heavy_modes(objective, base, candidates) == []
