@@ -36,18 +36,17 @@ def predict_outputs(
     Returns:
         One array per output, of the shape of its ``data``; not finite where the simulation diverged.
     """
-    places = rests(build(run, theta, effects, problem))
-    if len(places) == 1:
-        return _from_rest(run, theta, effects, problem, None)
-    begun = run.begun
-    missed = [_missed(begun, _from_rest(begun, theta, effects, problem, place)) for place in places]
-    return _from_rest(run, theta, effects, problem, places[int(np.argmin(missed))])
-
-
-def _from_rest(
-    run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem, rest: float | None
-) -> tuple[Vector, ...]:
     assembly = build(run, theta, effects, problem)
+    places = rests(assembly)
+    if len(places) == 1:
+        return _from_rest(assembly, None)
+    begun = run.begun
+    missed = [_missed(begun, _from_rest(build(begun, theta, effects, problem), place)) for place in places]
+    return _from_rest(assembly, places[int(np.argmin(missed))])
+
+
+def _from_rest(assembly: Assembly, rest: float | None) -> tuple[Vector, ...]:
+    run = assembly.run
     states = integrate(assembly, rest)
     predicted = [_zeroed(observe(states, assembly, run, output), output) for output in run.outputs]
     if assembly.chain.vibration[1] != 0.0:

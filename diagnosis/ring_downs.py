@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage
     from jointscope.diagnosis.coordinates import Coordinates
     from jointscope.diagnosis.effects import EffectSpec
+    from jointscope.diagnosis.effects.spec import Values
     from jointscope.diagnosis.noise import NoiseModel
     from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.problem import Problem
 
 PLAY = "backlash@transmission"
 FIRST = (2.0, 3.0, 4.5, 6.5)  # periods of the base's resonance after the hit, one fit each
@@ -120,11 +122,19 @@ def _starts(near: Objective, theta: np.ndarray, spec: EffectSpec, where: Coordin
         stiffer[BASE_INDEX["stiffness"]] *= factor
         for gap in GAPS:
             for depth in DEPTHS if len(spec.parameters) > 1 else DEPTHS[:1]:
-                values = (gap * wind_up, depth * gap * wind_up, 1.0)[: len(spec.parameters)]
+                values = _shaped(spec, near.problem, gap * wind_up, depth)
                 trials.append((stiffer, ActiveEffect(spec, values)))
     costs = near.map(lambda trial: near.misfit(trial[0], (trial[1],)), trials)
     order = np.argsort(costs, kind="stable")
     return [where.pack(trials[k][0], (trials[k][1],)) for k in order[:TRIED]]
+
+
+def _shaped(spec: EffectSpec, problem: Problem, gap: float, depth: float) -> Values:
+    """The law at this gap, its flanks giving way, or its corners bent, over this share of it."""
+    if len(spec.parameters) == 1:
+        return (gap,)
+    over = depth if spec.parameters[1].name == "corner" else depth * gap
+    return (gap, over, *spec.starts(problem)[0][1:])
 
 
 def _within(hit: Objective, noise: NoiseModel, periods: float) -> Objective:

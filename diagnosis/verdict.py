@@ -48,22 +48,20 @@ SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in fo
 FORESEEN = 4.0  # times an error's innovation, above which it is no noise
 MATTERS = 0.02  # of the signal's rms, below which an error's colour says nothing
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
-A_THIRD = 0.001  # of a pair's score, less than which a third effect adds what the pair's own laws are off by
+BY_FORM = (
+    0.001  # of a score: what a third effect adds, or is left and follows the input, is less than laws are off by
+)
 LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...
 NEARLY_ALL = 0.9  # ... unless it explains this of the mismatch's energy
 MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
 WHITE = 2.0  # times its innovation, below which noise is about white
-EXPLAINED = (
-    0.6  # share of the mismatch's energy below which the best candidate is no answer (45 named: at least 0.73)
-)
+EXPLAINED = 0.6  # of the mismatch's energy, below which the best candidate is no answer (45 named: at least 0.73)
 TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
-UNHEARD = (
-    0.0005  # of the signal's rms, which the best of records holds: a force without a name that does less is none
-)
+UNHEARD = 0.0005  # of the signal's rms, which the best of records holds: an unnamed force that does less is none
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
 AS_MUCH_AS_NAMED = 0.65  # of what the named effects gained, explained by the input alone: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
@@ -181,7 +179,7 @@ def rank(judgement: Judgement) -> list[Ranked]:
             if 0 < len(other) < len(names) and not set(other) < set(names)
         }
         pairs = [v for other, (v, _) in best.items() if 1 < len(other) < len(names) and set(other) < set(names)]
-        if pairs and 0.0 < value < (1.0 + A_THIRD) * max(pairs):
+        if pairs and 0.0 < value < (1.0 + BY_FORM) * max(pairs):
             best[names] = (-NOT_STANDING, judged)
         leading = [other for other, v in simpler.items() if value < LEADS_FEWER * v]
         if leading and not all(_beside_a_form(judgement, judged, best, other) for other in leading):
@@ -350,6 +348,8 @@ def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: 
         return decision
     followed = _owed(at_base) - _owed(left)  # what is left owes to something else
     named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
+    if _owed(left) < BY_FORM * named:
+        return decision
     ratio = followed / (AS_MUCH_AS_NAMED * named)
     if ratio < 1.0:
         return decision

@@ -7,6 +7,7 @@ like such a line.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,11 @@ Vector = NDArray[np.float64]
 BESIDE = 20  # bins of a record on either side of a line, by which its noise is measured
 
 
+@functools.lru_cache(maxsize=64)
+def _hann(size: int) -> Vector:
+    return np.hanning(size)
+
+
 def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -> list[Vector]:
     """``predicted`` with the disturbance's response added at the run's best phase."""
     frequency, amplitude = assembly.chain.vibration
@@ -42,7 +48,7 @@ def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -
             size = float(np.median(np.abs(r)))
             if not math.isfinite(size):  # a model that flew apart has no phase
                 continue
-            tapered = np.hanning(r.size) * np.clip(r, -6.0 * size, 6.0 * size)
+            tapered = _hann(r.size) * np.clip(r, -6.0 * size, 6.0 * size)
             total += np.sum(np.conj(shape[output.mask]) * tapered) / beside(tapered, frequency / output.rate)
     phase = total / abs(total) if abs(total) > 0.0 else 1.0
     return [y + np.real(phase * shape) for y, shape in zip(predicted, shapes, strict=True)]

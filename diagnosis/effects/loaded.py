@@ -1,6 +1,7 @@
 r"""Friction in proportion to the transmitted torque that creeps, or is built up elastically, as dry friction does.
 
     T_f = mu |T_S| tanh(w/w_e)                                          rounded over the speed w_e
+    T_f = mu |T_S| (1 - driven sgn(T_S w)) tanh(w/w_e)                  unlike where the gear drives and is driven back
     T_f = mu |T_S| z, dz/dq = (1 - z sgn(w)) / y                        with presliding over the angle y
 
 Each is mu |T_S| sgn(w) of ``friction`` with one parameter more, and tends to it as that goes to zero.
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.effects import friction
-from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Location, Values
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Location, ParameterSpec, Values
 from jointscope.diagnosis.effects.standstill import (
     PRESLIDING,
     ROUNDING,
@@ -31,16 +32,20 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
 
 
+DRIVEN = ParameterSpec("driven", "1", -0.9, 0.9)
+
+
 def _rounded_by_load(side: str) -> Apply:
-    at_load, at_speed = (
-        (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED)
+    at_load, at_speed, at_quadrant = (
+        (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED, kernel.ROUND_M_QUADRANT)
         if side == "motor"
-        else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED)
+        else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED, kernel.ROUND_L_QUADRANT)
     )
 
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        coefficient, speed = values
+        coefficient, speed, *driven = values
         assembly.P[at_load] = coefficient
+        assembly.P[at_quadrant] = driven[0] if driven else 0.0
         assembly.P[at_speed] = max(speed, steepest(assembly, side, coefficient * largest_load(assembly)))
 
     return apply
@@ -67,13 +72,14 @@ def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, ...]:
     side: Location = "motor" if sharp.variant == "input-side" else "load"
     at_side = replace(sharp, location=side)  # where its speed and its bounds are taken
     against = f"against the motion of the {side}"
+    rounded = roundings(side)
     creeping = f"mu |T_S| tanh(w/w_e) {against}"
     bending = f"mu |T_S| z {against}, dz/dq = (1 - z sgn(w)) / y"
     return tuple(
         replace(
             sharp,
             variant=f"{sharp.variant}-{form}",
-            parameters=(*sharp.parameters, further),
+            parameters=(*sharp.parameters, *further),
             law=law,
             apply=apply,
             starts=starts,
@@ -81,8 +87,10 @@ def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, ...]:
             possible=possible,
         )
         for form, further, law, apply, starts, limits, possible in (
-            ("rounded", ROUNDING, creeping, _rounded_by_load(side), roundings(side), rounding_limits, sharp.possible),
-            ("presliding", PRESLIDING, bending, _presliding_by_load(side), presliding_angles, presliding_limits,
+            ("rounded", (ROUNDING,), creeping, _rounded_by_load(side), rounded, rounding_limits, sharp.possible),
+            ("quadrants", (ROUNDING, DRIVEN), f"{creeping}, times 1 - driven sgn(T_S w)", _rounded_by_load(side),
+             lambda problem: tuple((*start, 0.0) for start in rounded(problem)[:1]), rounding_limits, sharp.possible),
+            ("presliding", (PRESLIDING,), bending, _presliding_by_load(side), presliding_angles, presliding_limits,
              elastic(side)),
         )
     )  # fmt: skip

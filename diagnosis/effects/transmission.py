@@ -68,6 +68,11 @@ def _hyperbolic(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.GAP_FADE] = values[2]
 
 
+def _impact(assembly: Assembly, values: Values, weight: float) -> None:
+    _hyperbolic(assembly, (*values[:2], 1.0), weight)
+    assembly.P[kernel.GAP_IMPACT] = values[2]
+
+
 def _cushioned(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.K_SOFT] = (1.0 - values[1]) * assembly.P[kernel.K]
     assembly.P[kernel.SOFT_ANGLE] = 0.5 * values[0]
@@ -155,11 +160,20 @@ def _angle_sizes(problem: Problem) -> tuple[float, float, float]:
 
 def _gap_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     a = problem.scales.wind_up
-    return {"gap": (0.0, 4.0 * a), "contact_depth": (1e-5 * a, 2.0 * a)}
+    return {
+        "gap": (0.0, 4.0 * a),
+        "contact_depth": (1e-5 * a, 2.0 * a),
+        "impact": (0.0, 100.0 * _impact_size(problem)),
+    }
 
 
 def _stiffness(problem: Problem) -> float:
     return float(problem.base.start[0])
+
+
+def _impact_size(problem: Problem) -> float:
+    """Hunt and Crossley's damping [s/rad] that is the reducer's own at a third of the largest wind-up."""
+    return 3.0 * float(problem.base.start[BASE_INDEX["damping"]]) / (_stiffness(problem) * problem.scales.wind_up)
 
 
 def _cubic_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -214,7 +228,7 @@ SPECS: tuple[EffectSpec, ...] = (
             look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
             apply=apply,
             scale=_angle_sizes,
-            decades=0 if variant in ("off-centre", "cushioned", "hyperbolic") else 3,
+            decades=0 if variant in ("off-centre", "cushioned", "hyperbolic", "impact") else 3,
             starts=starts,
             proportional=proportional,
             possible=needs_spring,
@@ -264,6 +278,18 @@ SPECS: tuple[EffectSpec, ...] = (
                 _hyperbolic,
                 (_GAP, ParameterSpec("corner", "1", 0.01, 1.0, log=True), ParameterSpec("fade", "1", 0.0, 3.0)),
                 lambda problem: ((0.4, 1.0),),
+                (),
+            ),
+            (
+                "impact",
+                "K x (1 + impact |x|'), x as with bends for corners, and c x'",
+                _impact,
+                (
+                    _GAP,
+                    ParameterSpec("corner", "1", 0.01, 1.0, log=True),
+                    ParameterSpec("impact", "s/rad", 0.0, 1e6),
+                ),
+                lambda problem: ((0.4, _impact_size(problem)),),
                 (),
             ),
             (

@@ -12,6 +12,7 @@ from jointscope.diagnosis.kernel.laws import (
     STRUCTURAL_WIDTH,
     TURN,
     bristles,
+    by_quadrant,
     elastic,
     friction,
     hysteresis,
@@ -61,7 +62,7 @@ def _rates_source(
         factor += P[PAR_SHARE] * math.sin(P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE])
     T, contact = elastic(P, delta, factor)
     bent = T
-    T += (P[C] * contact + P[RUB] * abs(delta)) * rate
+    T += (P[C] * contact + P[RUB] * abs(delta) + P[GAP_IMPACT] * abs(T)) * rate
     if P[GAP_SHEDS] != 0.0 and T * bent <= 0.0:
         T = 0.0
     if P[REID] != 0.0:
@@ -108,8 +109,8 @@ def _rates_source(
         force_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
     if P[ROUND_M_SPEED] != 0.0:
         force_m -= rounded(
-            P[ROUND_M] + P[ROUND_M_LOAD] * abs(T), P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL],
-            P[ROUND_M_SIDED], v_s,
+            P[ROUND_M] + P[ROUND_M_LOAD] * by_quadrant(T, P[ROUND_M_QUADRANT], v_s), P[ROUND_M_SPEED],
+            P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s,
         )  # fmt: skip
     level_m = P[FM_LOAD] * abs(T)
     a_s = 0.0
@@ -150,8 +151,8 @@ def _rates_source(
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if P[ROUND_L_SPEED] != 0.0:
         force_l -= rounded(
-            P[ROUND_L] + P[ROUND_L_LOAD] * abs(T), P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL],
-            P[ROUND_L_SIDED], v,
+            P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
+            P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
         )  # fmt: skip
     if S[PRE_SITE] == AT_LOAD:
         force_l -= bristles(mem[9], q - mem[8], v, T, P)

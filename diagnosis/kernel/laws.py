@@ -132,6 +132,12 @@ def rounded(torque: float, speed: float, excess: float, fall: float, sided: floa
 
 
 @compiled
+def by_quadrant(torque: float, share: float, v: float) -> float:
+    """|T| (1 - share sgn(T v)) [N m]: a gear's friction is unlike where it drives and where it is driven back."""
+    return abs(torque) - share * (torque if v > 0.0 else -torque)
+
+
+@compiled
 def seated(el: float, P: Real) -> float:
     """x/(x + x_h) at a depth x = |``el``| [rad]: its root times K is Hertz's power 3/2 at first, the whole K in the end."""
     depth = abs(el)

@@ -68,7 +68,12 @@ GAP_ROUND, GAP_FADE, GAP_SHEDS = (
 )  # depth over which a flank gives way [rad], power to which its damping does, 1 where flanks don't pull
 SOFT_SMOOTH = 148  # 1 where what a soft middle misses fades as el d^2/(el^2 + d^2), not at a corner
 GAP_CORNER = 149  # half width of a bend in place of the corners of a play [rad]
-N_P = 150
+ROUND_M_QUADRANT, ROUND_L_QUADRANT = (
+    150,
+    151,
+)  # share by which friction per torque is less where the torque drives the motion, and more where it brakes it
+GAP_IMPACT = 152  # damping per elastic torque [s/rad]: Hunt and Crossley's
+N_P = 153
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -12,6 +12,7 @@ from jointscope.diagnosis.kernel.laws import (
     STRUCTURAL_WIDTH,
     bent,
     bristles,
+    by_quadrant,
     friction,
     hysteresis,
     missing,
@@ -61,7 +62,10 @@ def _scalar_rates_source(
             factor += P[PAR_SHARE] * math.sin(
                 P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE]
             )
-    T = k * factor * el + (k_2 + k_3 * el) * el * el + damping * rate
+    T = k * factor * el + (k_2 + k_3 * el) * el * el
+    if rich and P[GAP_IMPACT] != 0.0:
+        damping += P[GAP_IMPACT] * abs(T)
+    T += damping * rate
     if rich and P[GAP_SHEDS] != 0.0 and T * el <= 0.0:
         T = 0.0
     if k_soft != 0.0:
@@ -92,8 +96,8 @@ def _scalar_rates_source(
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if rich and P[ROUND_M_SPEED] != 0.0:
         net_m -= rounded(
-            P[ROUND_M] + P[ROUND_M_LOAD] * abs(T), P[ROUND_M_SPEED], P[ROUND_M_EXCESS], P[ROUND_M_FALL],
-            P[ROUND_M_SIDED], v_s,
+            P[ROUND_M] + P[ROUND_M_LOAD] * by_quadrant(T, P[ROUND_M_QUADRANT], v_s), P[ROUND_M_SPEED],
+            P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s,
         )  # fmt: skip
     if rich and S[PRE_SITE] == AT_MOTOR:
         net_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
@@ -133,8 +137,8 @@ def _scalar_rates_source(
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and P[ROUND_L_SPEED] != 0.0:
         net_l -= rounded(
-            P[ROUND_L] + P[ROUND_L_LOAD] * abs(T), P[ROUND_L_SPEED], P[ROUND_L_EXCESS], P[ROUND_L_FALL],
-            P[ROUND_L_SIDED], v,
+            P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
+            P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
         )  # fmt: skip
     if rich and S[PRE_SITE] == AT_LOAD:
         net_l -= bristles(mem[9], q - mem[8], v, T, P)

@@ -46,6 +46,7 @@ class Building:
         gap_sheds, gap_round, gap_fade: Whether its flanks don't pull; depth over which they give way [rad]; power to which
             their damping does.
         gap_corner: Half width of the bends in place of its corners [rad].
+        gap_impact: Damping per elastic torque [s/rad].
         soft, soft_angle, soft_smooth: Stiffness missing within +-angle [N m/rad], [rad]; whether it fades without a corner.
         weight: Moment of the arm's weight and its direction, M exp(i phi), in -M cos(q + phi) [N m]; [N] where it slides.
         friction: Dry torque and its constant part against positive motion, at ``motor`` and ``load`` [N m].
@@ -73,6 +74,7 @@ class Building:
     gap_round: float = 0.0
     gap_fade: float = 0.0
     gap_corner: float = 0.0
+    gap_impact: float = 0.0
     soft: float = 0.0
     soft_angle: float = 0.0
     soft_smooth: bool = False
@@ -121,6 +123,7 @@ class Building:
             "gap_round": self.gap_round,
             "gap_fade": self.gap_fade,
             "gap_corner": self.gap_corner,
+            "gap_impact": self.gap_impact,
             "soft_stiffness": self.soft,
             "soft_angle": self.soft_angle,
             "soft_smooth": float(self.soft_smooth),

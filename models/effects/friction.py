@@ -6,6 +6,7 @@ dT_f/dq = (T - T_f sgn(w)/g) / y: the law "bristles", which builds up over the a
 with Dahl's exponent i for 1 of 1 - T_f sgn(w)/(T g) where it has one, and
 with sigma_1 w (1 - T_f sgn(w)/(T g)) beside it where the bristles are damped (LuGre), sigma_1 = bristle_time T/y
 T [1 + e exp(-(w/w_s)^2)] tanh(w/w_e), T w / sqrt(w^2 + w_e^2): a table over the speed
+mu |T_S| (1 - d sgn(T_S w)) tanh(w/w_e) has - mu d T_S |tanh(w/w_e)| beside it: times the torque with its sign
 mu |T_S| z with bristles' z, mu |T_S| tanh(w/w_e): the same two laws, of 1 instead of a torque and times mu |T_S|
 [T + (T_b - T) exp(-|w/w_s|^p)] sgn(w), mu |T_S| sgn(w): a frictionloss that the law "friction-level" renews each step
 """
@@ -125,8 +126,13 @@ def _bristles(
 def load_dependent(building: Building, location: str, variant: str, p: Parameters) -> str:
     """mu |T_S| against the motion of one side."""
     at = "load" if variant.startswith("output-side") or building.single else "motor"
-    if variant.endswith("-rounded"):
+    if variant.endswith(("-rounded", "-quadrants")):
         _creeping(building, at, p["coefficient"], p["rounding"], 0.0, p["rounding"], 0.0, "speed-by-load")
+        if p.get("driven", 0.0):
+            reach = SATURATED * p["rounding"]
+            speed = np.linspace(-reach, reach, NODES)
+            rise = np.abs(np.tanh(speed / p["rounding"]))
+            _over_speed(building, at, speed, -p["coefficient"] * p["driven"], rise, 0.0, "speed-by-torque")
         return ""
     if variant.endswith("-presliding"):
         _bristles(building, at, {**p, "torque": p["coefficient"]}, 0.0, 1.0, by_load=True)

@@ -23,7 +23,8 @@ def backlash(building: Building, location: str, variant: str, p: Parameters) -> 
     """Lost motion ``gap`` in total; ``centre`` in half gaps; the damper acts in contact only, or always ("damped").
 
     Flanks that don't pull ("sheds"), or give way over ``contact_depth`` as well ("rounded"). With ``inside`` that share of
-    the spring is left within the gap ("cushioned"); with ``corner``, in half gaps, bends are in place of its corners.
+    the spring is left within the gap ("cushioned"); with ``corner``, in half gaps, bends are in place of its corners;
+    with ``impact`` the damping is Hunt and Crossley's, that much per torque, beside c in contact.
     """
     if "inside" in p:
         building.soft, building.soft_angle = (1.0 - p["inside"]) * building.stiffness, 0.5 * p["gap"]
@@ -34,6 +35,8 @@ def backlash(building: Building, location: str, variant: str, p: Parameters) -> 
     building.gap_sheds = variant in ("sheds", "rounded")
     building.gap_corner = 0.5 * p["gap"] * p.get("corner", 0.0)
     building.gap_round, building.gap_fade = p.get("contact_depth", 0.0), p.get("fade", 0.0)
+    if "impact" in p:
+        building.gap_impact, building.gap_fade = p["impact"], 1.0
     return "springlength of tendon 'reducer spring'"
 
 

@@ -130,7 +130,7 @@ class _JointLaw:
         self.share = (
             any(law["share"] for law in self.levels)
             or any(by_load for _, by_load, _ in self.bristles)
-            or any(of == "speed-by-load" for _, of in self.tables)
+            or any(of in ("speed-by-load", "speed-by-torque") for _, of in self.tables)
         )
         arm = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, "arm")
         self.contacts: list[tuple[Real, int, float, bool, list[Law]]] = []
@@ -166,9 +166,11 @@ class _JointLaw:
         if self.motor >= 0:
             force[self.motor] += self._tabled("motor", angle=q_s, speed=v_s)
             force[self.motor] += abs(torque) * self._tabled("motor", **{"speed-by-load": v_s})
+            force[self.motor] += torque * self._tabled("motor", **{"speed-by-torque": v_s})
             force[self.motor] -= self._bristled(True, torque, t, q_s, v_s)
         on_arm = self._tabled("load", angle=q_s + x, speed=v_s + v)
         on_arm += abs(torque) * self._tabled("load", **{"speed-by-load": v_s + v})
+        on_arm += torque * self._tabled("load", **{"speed-by-torque": v_s + v})
         on_arm -= sum(moment * math.cos(q_s + x + phase) for moment, phase in self.pulls)
         on_arm -= self._bristled(False, torque, t, q_s + x, v_s + v)
         for side, angle, damping in self.stops:

@@ -33,6 +33,7 @@ class Spring:
         gap_damping: Share of c inside the play [-].
         gap_sheds: 1 where a flank does not pull.
         gap_round, gap_fade: Depth over which a flank gives way [rad]; power to which its damping does [-].
+        gap_impact: With such bends, damping per elastic torque [s/rad] beside it: Hunt and Crossley's.
         gap_corner: Half width of the bends in place of the play's corners, which no element of the MJCF gives [rad].
         soft_stiffness, soft_angle: [N m/rad], [rad].
         soft_smooth: 1 where a soft middle has no corner, which no element of the MJCF gives.
@@ -49,6 +50,7 @@ class Spring:
     gap_round: float = 0.0
     gap_fade: float = 0.0
     gap_corner: float = 0.0
+    gap_impact: float = 0.0
     soft_stiffness: float = 0.0
     soft_angle: float = 0.0
     soft_smooth: float = 0.0
@@ -87,7 +89,9 @@ class Spring:
             ends = [complex(x + side * half, self.gap_corner) for side in (1.0, -1.0)]
             slope = 1.0 - 0.5 * (ends[0].real / abs(ends[0]) - ends[1].real / abs(ends[1]))
             el = x - 0.5 * (abs(ends[0]) - abs(ends[1]))
-            return self.elastic(el, factor) + math.pow(max(slope, 0.0), self.gap_fade) * self.damping * rate
+            bent = self.elastic(el, factor)
+            share = math.pow(max(slope, 0.0), self.gap_fade)
+            return bent + (share * self.damping + self.gap_impact * abs(bent)) * rate
         el, touching = self.stretch(delta)
         share = 1.0 if touching else self.gap_damping
         seated = abs(el) / (abs(el) + self.gap_round) if self.gap_round > 0.0 else 1.0

@@ -111,6 +111,17 @@ MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0
         (dict(PRE_SITE=k.AT_LOAD, **BRISTLES, **DRY), None),
         (dict(PRE_SITE=k.AT_MOTOR, PRE_LOAD=0.1, PRE_ANGLE=2e-5, ROUND_L_LOAD=0.05, ROUND_L_SPEED=0.02), None),
         (dict(PRE_SITE=k.AT_LOAD, PRE_LOAD=0.1, PRE_ANGLE=2e-5, ROUND_M_LOAD=0.05, ROUND_M_SPEED=0.02), None),
+        (
+            dict(
+                ROUND_M_LOAD=0.1,
+                ROUND_M_SPEED=0.02,
+                ROUND_M_QUADRANT=0.3,
+                ROUND_L_LOAD=0.05,
+                ROUND_L_SPEED=0.02,
+                ROUND_L_QUADRANT=-0.2,
+            ),
+            None,
+        ),
         (dict(PAR_SHARE=0.1, PAR_MOTOR=5.0, PAR_LOAD=3.0, PAR_PHASE=0.4, RUB=2e5), None),
         (MODE | DRY, k.AT_LINK),
         (MODE, k.AT_NEAR),

@@ -122,3 +122,15 @@ def test_friction_by_load_is_its_share_of_the_transmitted_torque_once_it_slides(
             _, out = run(P, S, x=(wind_up, 0, 0, v), duration=0.01)
             T = out[-1, k.X_TS]
             assert J * out[-1, k.X_A] == pytest.approx(T - mu * abs(T) * math.copysign(1.0, v), rel=1e-9)
+
+
+def test_a_gear_resists_less_where_it_drives_than_where_it_is_driven_back():
+    """mu (1 - d) |T_S| where T_S v > 0 and mu (1 + d) |T_S| where it brakes, in either direction."""
+    mu, d, J = 0.16, 0.19, 1e6
+    for wind_up in (-1e-3, 1e-3):
+        for v in (-0.02, 0.02):
+            P, S = packed(K=2e5, C=0.0, J_L=J, ROUND_L_LOAD=mu, ROUND_L_SPEED=1e-4, ROUND_L_QUADRANT=d)
+            _, out = run(P, S, x=(wind_up, 0, 0, v), duration=0.01)
+            T = out[-1, k.X_TS]
+            share = mu * (1.0 - d) if T * v > 0.0 else mu * (1.0 + d)
+            assert J * out[-1, k.X_A] == pytest.approx(T - share * abs(T) * math.copysign(1.0, v), rel=1e-9)

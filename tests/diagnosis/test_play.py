@@ -195,3 +195,22 @@ def test_a_weight_holds_the_arm_against_a_flank(problem, truth, builders):
     theta = flat.theta(stiffness=1.9e5, damping=60.0, load_inertia=3.0)
     assert rests(build(flat.runs[0], theta, active, flat)) == (None, -5e-5, 5e-5)
     assert rests(build(flat.runs[0], theta, (), flat)) == (None,)
+
+
+def test_an_impact_is_damped_in_proportion_to_its_torque():
+    """T = T_e (1 + impact x'), Hunt and Crossley's: what speed adds is impact |T_e| x', nothing within the play."""
+    impact, v = 4.0, 0.03
+    for branches in (0, 1):  # in both kernels
+        found = []
+        for depth, speed in ((6e-4, 0.0), (6e-4, v), (6e-4, -v), (0.0, v)):
+            P, S = packed(GAP_HALF=HALF, C=0.0, GAP_CORNER=0.2 * HALF, GAP_FADE=1.0, GAP_IMPACT=impact)
+            if branches:
+                S[k.AT_BRANCH], S[k.N_BRANCH], S[k.N_X] = S[k.N_X], 1, S[k.N_X] + 1
+                P[k.BRANCH_0 + 1] = 1.0
+            _, out = run(P, S, x=(0, 0, depth, speed), duration=0.01)
+            found.append(float(out[0, k.X_TS]))
+        still, out_, in_, free = found
+        assert still < 0.0  # it pulls the arm back
+        assert out_ - still == pytest.approx(-impact * abs(still) * v, rel=1e-9)
+        assert in_ - still == pytest.approx(impact * abs(still) * v, rel=1e-9)
+        assert abs(free) < 1e-9 * abs(still)

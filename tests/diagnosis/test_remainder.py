@@ -67,28 +67,44 @@ def test_two_channels_of_one_kind_are_one_run(problem, recorded):
 
 
 @pytest.mark.parametrize(
-    ("left", "gain", "held_gain", "dispersion", "verdict"),
+    ("left", "gain", "held_gain", "dispersion", "score", "verdict"),
     [
-        (25.0, 80.0, 75.0, 1.0, "unknown"),
+        (25.0, 80.0, 75.0, 1.0, 100.0, "unknown"),
         # most of what follows the input is still there: something else beside the named
-        (60.0, 80.0, 70.0, 1.0, "effects"),
-        (25.0, 20.0, 10.0, 1.0, "effects"),  # a third of what the named effect gains
-        (25.0, 70.0, 0.0, 1.0, "effects"),  # it does not carry over
-        (0.0, 80.0, 75.0, 1.0, "effects"),  # the named effect leaves nothing of it: a sensor's resonance, say
-        (25.0, 60.0, 30.0, 1.0, "effects"),  # told by the base's own misfit ...
-        (25.0, 60.0, 30.0, 2.5, "unknown"),  # ... which is 2.5 times what noise is
+        (60.0, 80.0, 70.0, 1.0, 100.0, "effects"),
+        (25.0, 20.0, 10.0, 1.0, 100.0, "effects"),  # a third of what the named effect gains
+        (25.0, 70.0, 0.0, 1.0, 100.0, "effects"),  # it does not carry over
+        (
+            0.0,
+            80.0,
+            75.0,
+            1.0,
+            100.0,
+            "effects",
+        ),  # the named effect leaves nothing of it: a sensor's resonance, say
+        (25.0, 60.0, 30.0, 1.0, 100.0, "effects"),  # told by the base's own misfit ...
+        (25.0, 60.0, 30.0, 2.5, 100.0, "unknown"),  # ... which is 2.5 times what noise is
+        (
+            25.0,
+            8e5,
+            7.5e5,
+            1.0,
+            1e6,
+            "effects",
+        ),  # all but 50 nats in a million are explained: that is the law's form
+        (2500.0, 8e5, 7.5e5, 1.0, 1e6, "unknown"),
     ],
 )
 def test_what_the_input_explains_as_well_is_not_named(
-    problem, recorded, deciding, left, gain, held_gain, dispersion, verdict
+    problem, recorded, deciding, left, gain, held_gain, dispersion, score, verdict
 ):
-    """The named effect scores 100."""
     own = recorded(problem, 0.02, seed=3)
     with ThreadPoolExecutor(1) as pool:
         split = split_runs(own)
         judgement = judge(refit_base(own, predict_outputs, split.estimate, pool), (), split.held_out)
         spec = next(s for s in catalogue(own) if s.name == "coulomb-friction")
         decision = deciding(judgement, ActiveEffect(spec, (spec.scale(own)[1], *spec.starts(own)[0])))
+        decision = replace(decision, ranking=tuple(replace(r, score=score) for r in decision.ranking))
         key = ("hammer", True, "linear-acceleration", "arm")
         of_named = Remainder(key, left, left, left, 0.01)
         of_base = Remainder(key, gain, held_gain, held_gain, 0.01, dispersion=dispersion)
