@@ -1,7 +1,8 @@
 """Where the base ends far from the data: laws tried from the starts that the hits' own spectra gave.
 
 A spring whose stiffness changes within a ring-down slips by whole turns against any fixed one. Then the refitted base has
-wandered off, its tangent says nothing, and what counts is which trial follows the phase as it stands.
+wandered off, its tangent says nothing, and what counts is which trial follows the phase as it stands. So it is where an arm
+runs into a stop: no base follows that, and one that hardly moves at all is the least wrong of them.
 """
 
 from __future__ import annotations
@@ -18,18 +19,21 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, relative_misfit, rewhiten
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect
+from jointscope.diagnosis.noise import white
+from jointscope.diagnosis.objective import whitened
 from jointscope.diagnosis.refit import Fit, least_squares, with_fresh_jacobian
 from jointscope.diagnosis.screen import resized
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.coordinates import Coordinates
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.objective import Objective
 
 Vector = NDArray[np.float64]
 
 ASTRAY = 0.5  # of the data's rms, left by the base in the median channel
-FAMILIES = ("stiffness", "hysteretic")
+FAMILIES = ("stiffness", "hysteretic", "contact")
 FACTORS = (1.0, 2.0, 4.0, -1.0, -2.0, -4.0)  # times the trials' sizes
 TRIED = 4  # laws fitted
 REFITTED = 60  # simulations of all runs under one noise
@@ -68,10 +72,24 @@ def afresh(
             nearest.setdefault((name_of(active.spec), active.spec.variant), (found, active))
     fitted = []
     for _, active in list(nearest.values())[:TRIED]:
-        fit = fit_child(objective, start, [active], effort)
-        if fit is not None and fit.chi2 < base.chi2:
+        there = coordinates(objective.problem, (active.spec,))
+        alone = _under_noise_of_its_own(objective, there, there.pack(where.start, (active,)))
+        fits = [fit_child(objective, start, [active], effort), with_fresh_jacobian(objective, alone)]
+        fit = min((fit for fit in fits if fit is not None), key=lambda fit: fit.chi2)
+        if fit.chi2 < base.chi2:
             fitted.append(Hypothesis((active.spec,), fit, profile_loss(objective, fit.w)))
     return fitted
+
+
+def _under_noise_of_its_own(objective: Objective, where: Coordinates, x: Vector) -> Fit:
+    """Fitted from ``x``, from white noise on: where the base has lost the hits they weigh next to nothing under its noise."""
+    noise = white(objective.prepared)
+    own = whitened(objective, noise, None)
+    fit = least_squares(own, where, x, simulations=REFITTED)
+    for _ in range(NOISES):
+        own, noise, _ = rewhiten(own, fit, noise, EARLY_ORDER)
+        fit = least_squares(own, where, fit.x, simulations=REFITTED)
+    return replace(fit, fresh=False)
 
 
 def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec]) -> list[Hypothesis]:
