@@ -28,6 +28,7 @@ from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, 
 if TYPE_CHECKING:
     from jointscope.diagnosis.coordinates import Coordinates
     from jointscope.diagnosis.effects import EffectSpec
+    from jointscope.diagnosis.noise import NoiseModel
     from jointscope.diagnosis.objective import Objective
 
 Vector = NDArray[np.float64]
@@ -70,10 +71,12 @@ def afresh(
     for found, active in sorted(zip(costs, trials, strict=True), key=lambda pair: pair[0]):
         if found < start.chi2:
             nearest.setdefault((name_of(active.spec), active.spec.variant), (found, active))
+    noise = white(objective.prepared)
+    own = whitened(objective, noise, None)
     fitted = []
     for _, active in list(nearest.values())[:TRIED]:
         there = coordinates(objective.problem, (active.spec,))
-        alone = _under_noise_of_its_own(objective, there, there.pack(where.start, (active,)))
+        alone = _under_noise_of_its_own(own, noise, there, there.pack(where.start, (active,)))
         fits = [fit_child(objective, start, [active], effort), with_fresh_jacobian(objective, alone)]
         fit = min((fit for fit in fits if fit is not None), key=lambda fit: fit.chi2)
         if fit.chi2 < base.chi2:
@@ -81,10 +84,8 @@ def afresh(
     return fitted
 
 
-def _under_noise_of_its_own(objective: Objective, where: Coordinates, x: Vector) -> Fit:
-    """Fitted from ``x``, from white noise on: where the base has lost the hits they weigh next to nothing under its noise."""
-    noise = white(objective.prepared)
-    own = whitened(objective, noise, None)
+def _under_noise_of_its_own(own: Objective, noise: NoiseModel, where: Coordinates, x: Vector) -> Fit:
+    """Fitted from ``x`` under ``noise``, then under what that leaves: under a lost base's the hits weigh next to nothing."""
     fit = least_squares(own, where, x, simulations=REFITTED)
     for _ in range(NOISES):
         own, noise, _ = rewhiten(own, fit, noise, EARLY_ORDER)
@@ -106,7 +107,7 @@ def sorted_afresh(stage: Stage, objective: Objective, specs: Sequence[EffectSpec
     found = []
     for spec in chosen:
         fit = _under_its_own_noise(stage, spec)
-        here = with_fresh_jacobian(objective, replace(fit, fresh=False))  # of these runs, not of those fitted
+        here = with_fresh_jacobian(objective, fit)  # of these runs, not of those fitted
         found.append(Hypothesis((spec,), here, profile_loss(objective, here.w)))
     return found
 
@@ -135,11 +136,7 @@ def _under_its_own_noise(stage: Stage, spec: EffectSpec) -> Fit:
     grid = list(itertools.product(LEVELS, LIES))
     costs = own.map(lambda at: own.misfit(start(at)[0], (start(at)[1],)), grid)
     base, active = start(grid[int(np.argmin(costs))])
-    fit = least_squares(own, where, where.pack(base, (active,)), simulations=REFITTED)
-    for _ in range(NOISES):
-        own, noise, _ = rewhiten(own, fit, noise, EARLY_ORDER)
-        fit = least_squares(own, where, fit.x, simulations=REFITTED)
-    return fit
+    return _under_noise_of_its_own(own, noise, where, where.pack(base, (active,)))
 
 
 def _two_sided(active: ActiveEffect) -> bool:

@@ -96,6 +96,8 @@ def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEf
     found = []
     for trial in laws:
         starts = [*_starts(theta, trial), *(s for squared in peaks for s in _expected(expected, trial, squared))]
+        if not starts:
+            continue
         costs = objective.map(lambda start: objective.misfit(start[0], (*effects, start[1])), starts)
         where = coordinates(objective.problem, (*held, trial.spec))
         base, active = starts[int(np.argmin(costs))]
