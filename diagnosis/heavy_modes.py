@@ -28,6 +28,7 @@ from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.effects.lines import recorded, spectral_peaks
+from jointscope.diagnosis.modes_apart import MUCH
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import FREE
 from jointscope.diagnosis.search import Hypothesis, name_of, profile_loss
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-MUCH = 0.1  # of the data's rms, left by the parent in the median channel
 MOUNTS = ("turning-mount", "sliding-mount", "carrier")
 LAWS = (*MOUNTS, "absorber")
 _K, _C, _J = (BASE_INDEX[name] for name in ("stiffness", "damping", "load_inertia"))

@@ -1,16 +1,12 @@
-r"""Laws of the transmission's torque: play, nonlinear and drifting stiffness, structural damping.
+r"""Laws of the transmission's torque beside play (``play``): nonlinear and drifting stiffness, structural damping.
 
-    T_S = K dz(Delta - D_0, gap/2) + c Delta' in contact                         backlash
-    T_S = K x + c x' (dx/dDelta)^fade, x the dead zone with bends for corners    play whose flanks wear or give way
-    T_S = K Delta - (1 - inside) K clip(Delta, +-gap/2) + c Delta'               play that a seal or grease bridges
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
     T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
     T_S = K Delta (1 - share d^2/(Delta^2 + d^2))         the same without a corner
     T_S = K (1 + i eta) Delta, by relaxation branches or rate-independently      structural damping
     T_S = K (1 + rate t) Delta                                                   drift
 
-Facts used as tests: the backbone f(A)/f_0 = sqrt(N(A)/K) with the dead zone's describing function N, 1 + 3 k_3 A^2/(8 K)
-for the cubic.
+Fact used as a test: the backbone f(A)/f_0 = 1 + 3 k_3 A^2/(8 K) of the cubic.
 """
 
 from __future__ import annotations
@@ -23,8 +19,8 @@ import numpy as np
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects import hysteresis
+from jointscope.diagnosis.effects.play import SOFTEST
 from jointscope.diagnosis.effects.spec import (
-    Apply,
     EffectSpec,
     ParameterSpec,
     Values,
@@ -41,41 +37,6 @@ _BRANCHES = 5
 _SPACING = (
     4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
 )
-
-
-def _backlash(damping_inside: float, sheds: float = 0.0) -> Apply:
-    def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        assembly.P[kernel.GAP_HALF] = 0.5 * values[0]
-        assembly.P[kernel.GAP_CENTRE] = 0.5 * values[0] * values[1] if len(values) > 1 else 0.0
-        assembly.P[kernel.GAP_DAMPING] = damping_inside
-        assembly.P[kernel.GAP_SHEDS] = sheds
-
-    return apply
-
-
-def _rounded(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.P[kernel.GAP_HALF] = 0.5 * values[0]
-    assembly.P[kernel.GAP_ROUND], assembly.P[kernel.GAP_FADE], assembly.P[kernel.GAP_SHEDS] = (
-        values[1],
-        values[2],
-        1.0,
-    )
-
-
-def _hyperbolic(assembly: Assembly, values: Values, weight: float) -> None:
-    half = 0.5 * values[0]
-    assembly.P[kernel.GAP_HALF], assembly.P[kernel.GAP_CORNER] = half, values[1] * half
-    assembly.P[kernel.GAP_FADE] = values[2]
-
-
-def _impact(assembly: Assembly, values: Values, weight: float) -> None:
-    _hyperbolic(assembly, (*values[:2], 1.0), weight)
-    assembly.P[kernel.GAP_IMPACT] = values[2]
-
-
-def _cushioned(assembly: Assembly, values: Values, weight: float) -> None:
-    assembly.P[kernel.K_SOFT] = (1.0 - values[1]) * assembly.P[kernel.K]
-    assembly.P[kernel.SOFT_ANGLE] = 0.5 * values[0]
 
 
 def _cubic(assembly: Assembly, values: Values, weight: float) -> None:
@@ -153,27 +114,8 @@ def _drift_per_run(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.P[kernel.K] *= max(1.0 + values[0] * weight, 0.05)
 
 
-def _angle_sizes(problem: Problem) -> tuple[float, float, float]:
-    a = problem.scales.wind_up
-    return 0.01 * a, 0.08 * a, 0.4 * a
-
-
-def _gap_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    a = problem.scales.wind_up
-    return {
-        "gap": (0.0, 4.0 * a),
-        "contact_depth": (1e-5 * a, 2.0 * a),
-        "impact": (0.0, 100.0 * _impact_size(problem)),
-    }
-
-
 def _stiffness(problem: Problem) -> float:
     return float(problem.base.start[0])
-
-
-def _impact_size(problem: Problem) -> float:
-    """Hunt and Crossley's damping [s/rad] that is the reducer's own at a third of the largest wind-up."""
-    return 3.0 * float(problem.base.start[BASE_INDEX["damping"]]) / (_stiffness(problem) * problem.scales.wind_up)
 
 
 def _cubic_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -203,105 +145,15 @@ def _not_per_run(problem: Problem) -> str | None:
     return reason
 
 
-_SOFTEST = 0.7  # share of the stiffness that a soft region may lack: with more it is a gap
-
-
 def _is_soft(values: Values) -> bool:
     """Whether something of the spring is left inside: one that would lack more if it might is play."""
-    return values[0] < 0.99 * _SOFTEST
+    return values[0] < 0.99 * SOFTEST
 
 
-_GAP = ParameterSpec("gap", "rad", 0.0, 1.0, null=0.0)
 _HITS = ("hammer", "torque-sweep")
 _SPRING = ("stiffness-nonlinearity", "backlash", "hysteresis")
 
 SPECS: tuple[EffectSpec, ...] = (
-    *(
-        EffectSpec(
-            name="backlash",
-            location="transmission",
-            variant=variant,
-            family="stiffness",
-            parameters=parameters,
-            law=law,
-            revealed_by=_HITS,
-            look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
-            apply=apply,
-            scale=_angle_sizes,
-            decades=0 if variant in ("off-centre", "cushioned", "hyperbolic", "impact") else 3,
-            starts=starts,
-            proportional=proportional,
-            possible=needs_spring,
-            limits=_gap_limits,
-        )
-        for variant, law, apply, parameters, starts, proportional in (
-            (
-                "free-flight",
-                "K dz(Delta, gap/2), c acting in contact only",
-                _backlash(0.0),
-                (_GAP,),
-                one_start,
-                (),
-            ),
-            ("damped", "K dz(Delta, gap/2), c acting always", _backlash(1.0), (_GAP,), one_start, ()),
-            (
-                "sheds",
-                "the same in contact only, where a flank does not pull",
-                _backlash(0.0, 1.0),
-                (_GAP,),
-                one_start,
-                (),
-            ),
-            (
-                "rounded",
-                "K x s^(1/2) + c x' s^fade, s = x/(x + contact_depth), at a depth x of contact, where no flank pulls",
-                _rounded,
-                (
-                    _GAP,
-                    ParameterSpec("contact_depth", "rad", 1e-10, 1.0, log=True),
-                    ParameterSpec("fade", "1", 0.0, 3.0),
-                ),
-                lambda problem: ((0.4 * _angle_sizes(problem)[1], 1.0),),
-                (1,),
-            ),
-            (
-                "off-centre",
-                "K dz(Delta - D_0, gap/2), c acting in contact only",
-                _backlash(0.0),
-                (_GAP, ParameterSpec("centre", "1", -1.0, 1.0)),
-                lambda problem: ((-0.7,), (0.7,)),
-                (),
-            ),
-            (
-                "hyperbolic",
-                "K x + c x'^fade, x = Delta - (r_+ - r_-)/2, r_+- = ((Delta +- gap/2)^2 + (corner gap/2)^2)^(1/2)",
-                _hyperbolic,
-                (_GAP, ParameterSpec("corner", "1", 0.01, 1.0, log=True), ParameterSpec("fade", "1", 0.0, 3.0)),
-                lambda problem: ((0.4, 1.0),),
-                (),
-            ),
-            (
-                "impact",
-                "K x (1 + impact |x|'), x as with bends for corners, and c x'",
-                _impact,
-                (
-                    _GAP,
-                    ParameterSpec("corner", "1", 0.01, 1.0, log=True),
-                    ParameterSpec("impact", "s/rad", 0.0, 1e6),
-                ),
-                lambda problem: ((0.4, _impact_size(problem)),),
-                (),
-            ),
-            (
-                "cushioned",
-                "K Delta - (1 - inside) K clip(Delta, +-gap/2): little of the spring is left in the gap",
-                _cushioned,
-                (_GAP, ParameterSpec("inside", "1", 0.0, 1.0 - _SOFTEST)),
-                lambda problem: ((0.05,),),
-                (),
-            ),
-        )
-    ),
     EffectSpec(
         name="stiffness-nonlinearity",
         location="transmission",
@@ -323,7 +175,7 @@ SPECS: tuple[EffectSpec, ...] = (
         variant="piecewise-cubic",
         family="stiffness",
         parameters=(
-            ParameterSpec("soft_share", "1", -1.0, _SOFTEST, null=0.0),
+            ParameterSpec("soft_share", "1", -1.0, SOFTEST, null=0.0),
             ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
             ParameterSpec("cubic", "N m/rad^3", -1e30, 1e30),
         ),
@@ -344,7 +196,7 @@ SPECS: tuple[EffectSpec, ...] = (
             variant=variant,
             family="stiffness",
             parameters=(
-                ParameterSpec("soft_share", "1", -1.0, _SOFTEST, null=0.0),
+                ParameterSpec("soft_share", "1", -1.0, SOFTEST, null=0.0),
                 ParameterSpec("transition_angle", "rad", 1e-9, 1.0, log=True),
             ),
             law=law,

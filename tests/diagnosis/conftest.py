@@ -282,6 +282,25 @@ def fitted():
         pool.shutdown()
 
 
+@pytest.fixture
+def base_and_trials(fitted):
+    """The maker of a base fitted to recordings that hold effects: the objective, the fit, what it leaves, trials of modes."""
+    from jointscope.diagnosis.candidates import candidates_for, residuals_of
+    from jointscope.diagnosis.effects import catalogue
+    from jointscope.diagnosis.refit import least_squares
+
+    def made(problem, effects):
+        objective, at = fitted(problem, *effects)
+        start = at(problem.base.start)
+        base = least_squares(objective, start.coordinates, start.x, iterations=8, tolerance=1e-3)
+        theta, _ = base.coordinates.unpack(base.x)
+        left = residuals_of(objective, objective.predictions(theta, ()))
+        laws = tuple(s for s in catalogue(problem) if s.family == "mode" and s.possible(problem) is None)
+        return objective, base, left, candidates_for(problem, laws, left)
+
+    return made
+
+
 @pytest.fixture(scope="session")
 def two(bench):
     """The bench with a second accelerometer nearer to the joint, at 0.55 m."""

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.heavy_modes import beside_mount, beside_neighbour, heavy_modes
-from jointscope.diagnosis.refit import least_squares
 
 SQUARED, INERTIA = (2.0 * np.pi * 25.0) ** 2, 3.0
 
@@ -62,24 +60,14 @@ def test_a_light_mode_changes_nothing():
         assert (K, J) == pytest.approx((SQUARED * INERTIA, INERTIA), rel=1e-5)
 
 
-def tried(problem, fitted, effects):
-    objective, at = fitted(problem, *effects)
-    start = at(problem.base.start)
-    base = least_squares(objective, start.coordinates, start.x, iterations=8, tolerance=1e-3)
-    theta, _ = base.coordinates.unpack(base.x)
-    left = residuals_of(objective, objective.predictions(theta, ()))
-    laws = tuple(s for s in catalogue(problem) if s.family == "mode" and s.possible(problem) is None)
-    return objective, base, candidates_for(problem, laws, left)
-
-
 def turning_mount(problem, share):
     spec = next(s for s in catalogue(problem) if s.variant == "turning-mount")
     return ActiveEffect(spec, (1.5 * problem.scales.frequency, share, 0.02))
 
 
-def test_a_rocking_mount_as_heavy_as_the_arm_is_found_and_the_joint_with_it(problem, recorded, fitted):
+def test_a_rocking_mount_as_heavy_as_the_arm_is_found_and_the_joint_with_it(problem, recorded, base_and_trials):
     effect = turning_mount(problem, 0.8)
-    objective, base, candidates = tried(recorded(problem, 2e-3, effects=(effect,)), fitted, (effect,))
+    objective, base, _, candidates = base_and_trials(recorded(problem, 2e-3, effects=(effect,)), (effect,))
     found = heavy_modes(objective, base, candidates)
     best = min((h for h in found if h.specs[0].variant == "turning-mount"), key=lambda h: h.loss)
     assert best.fit.chi2 < 0.01 * base.chi2
@@ -90,6 +78,6 @@ def test_a_rocking_mount_as_heavy_as_the_arm_is_found_and_the_joint_with_it(prob
         assert theta[at] == pytest.approx(problem.base.start[at], rel=0.02)
 
 
-def test_nothing_is_tried_where_the_base_is_near_the_data(problem, recorded, fitted):
-    objective, base, candidates = tried(recorded(problem, 2e-3), fitted, ())
+def test_nothing_is_tried_where_the_base_is_near_the_data(problem, recorded, base_and_trials):
+    objective, base, _, candidates = base_and_trials(recorded(problem, 2e-3), ())
     assert heavy_modes(objective, base, candidates) == []

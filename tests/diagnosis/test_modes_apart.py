@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.modes_apart import modes_apart
-from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import Effort
 
 NAME = "link-flexibility"
@@ -19,20 +17,19 @@ def bend(problem, share, shape):
     return ActiveEffect(spec, (1.6 * problem.scales.frequency, share * inertia, 0.02, shape))
 
 
-def tried(problem, fitted, effects):
-    objective, at = fitted(problem, *effects)
-    start = at(problem.base.start)
-    base = least_squares(objective, start.coordinates, start.x, iterations=8, tolerance=1e-3)
-    theta, _ = base.coordinates.unpack(base.x)
-    left = residuals_of(objective, objective.predictions(theta, ()))
-    laws = tuple(s for s in catalogue(problem) if s.family == "mode" and s.possible(problem) is None)
-    return base, modes_apart(objective, base, candidates_for(problem, laws, left), left, Effort())
+@pytest.fixture
+def tried(base_and_trials):
+    def made(problem, effects):
+        objective, base, left, candidates = base_and_trials(problem, effects)
+        return base, modes_apart(objective, base, candidates, left, Effort())
+
+    return made
 
 
 @pytest.mark.parametrize("shape", [1.0, 1.5])
-def test_the_bend_is_found(problem, recorded, fitted, shape):
+def test_the_bend_is_found(problem, recorded, tried, shape):
     effect = bend(problem, 0.14, shape)
-    base, found = tried(recorded(problem, 2e-3, effects=(effect,)), fitted, (effect,))
+    base, found = tried(recorded(problem, 2e-3, effects=(effect,)), (effect,))
     best = min((h for h in found if h.specs[0].name == NAME), key=lambda h: h.loss)
     assert best.fit.chi2 < 0.01 * base.chi2
     (law,) = best.fit.coordinates.unpack(best.fit.x)[1]
@@ -40,7 +37,7 @@ def test_the_bend_is_found(problem, recorded, fitted, shape):
     assert len({id(h.specs[0]) for h in found}) == len(found)
 
 
-def test_what_is_near_the_data_has_no_mode_tried(problem, recorded, fitted):
-    base, found = tried(recorded(problem, 2e-3), fitted, ())
+def test_what_is_near_the_data_has_no_mode_tried(problem, recorded, tried):
+    base, found = tried(recorded(problem, 2e-3), ())
     assert found == []
     assert np.isfinite(base.chi2)
