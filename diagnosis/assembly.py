@@ -50,9 +50,9 @@ OBSERVER_ZETA = 0.8
 SAME_RADIUS = 1e-3  # m
 
 
-def beyond(radius: float, elbow: float) -> float:
-    """Share (1 - r_e/r)+ by which a point at ``radius`` [m] follows a bend at ``elbow`` [m]; of a torque, inside, nought."""
-    return max(0.0, 1.0 - elbow / radius) if math.isfinite(radius) and radius > 0.0 else 0.0
+def beyond(radius: float, elbow: float, curve: float = 1.0) -> float:
+    """Share ((r - r_e)+)^curve / r by which a point at ``radius`` [m] follows a bend at ``elbow`` [m]; of a torque nought."""
+    return max(0.0, radius - elbow) ** curve / radius if math.isfinite(radius) and radius > 0.0 else 0.0
 
 
 @dataclass
@@ -155,7 +155,7 @@ class Assembly:
         problem: The campaign that the run belongs to.
         chain: The acquisition.
         bends: Further modes by superposition.
-        elbow: Radius beyond which the bending arm's sensors follow its mode, by 1 - elbow/r [m].
+        elbow, curve: Radius beyond which the bending arm's sensors follow its mode [m], and the power by which they do [-].
     """
 
     P: Vector
@@ -166,6 +166,7 @@ class Assembly:
     chain: Chain = field(default_factory=Chain)
     bends: Bends = Bends()
     elbow: float = 0.0
+    curve: float = 1.0
 
     def base(self, name: str) -> float:
         """One base parameter."""

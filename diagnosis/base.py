@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import Coordinates, coordinates
 from jointscope.diagnosis.input_noise import Inlet, inlet
-from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel, white
+from jointscope.diagnosis.noise import MAX_ORDER, Key, NoiseModel, block_key, white
 from jointscope.diagnosis.objective import Objective, Predict, Predictions, whitened
 from jointscope.diagnosis.problem import recorded_angle
 from jointscope.diagnosis.refit import Fit, least_squares
@@ -23,7 +24,7 @@ from jointscope.diagnosis.whiten import completed, estimate_noise
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.input_scatter import Pushes
-    from jointscope.diagnosis.prepare import PreparedRun, Problem
+    from jointscope.diagnosis.prepare import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 
@@ -129,18 +130,30 @@ def _reach(run: PreparedRun) -> tuple[float, float] | None:
 
 
 def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:
-    """Median over runs and outputs of RMS(residual) / RMS(data about its median) [-]."""
-    ratios = []
+    """Median over runs and outputs of RMS(residual) / RMS(data about its mean) [-]."""
+    ratios = [ratio for _, _, ratio in misfits(runs, predictions)]
+    return float(np.median(ratios)) if ratios else 0.0
+
+
+def worst_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:
+    """The same of the kind of channel that is predicted worst: what one sensor of several shows."""
+    kinds: dict[Key, list[float]] = {}
+    for run, output, ratio in misfits(runs, predictions):
+        kinds.setdefault(block_key(run, output), []).append(ratio)
+    return max((float(np.median(ratios)) for ratios in kinds.values()), default=0.0)
+
+
+def misfits(
+    runs: tuple[PreparedRun, ...], predictions: Predictions
+) -> Iterator[tuple[PreparedRun, Output, float]]:
+    """RMS(residual) / RMS(data about its mean) [-] of every output that moves."""
     for run, predicted in zip(runs, predictions, strict=True):
         for output, y in zip(run.outputs, predicted, strict=True):
             data = output.data[output.mask]
             size = float(np.std(data))
             if size > 0.0:
-                error = data - y[output.mask]
-                ratios.append(
-                    float(np.sqrt(np.mean(np.square(error)))) / size if np.all(np.isfinite(y)) else np.inf
-                )
-    return float(np.median(ratios)) if ratios else 0.0
+                error = float(np.sqrt(np.mean(np.square(data - y[output.mask]))))
+                yield run, output, error / size if np.all(np.isfinite(y)) else math.inf
 
 
 def _coarse(objective: Objective, where: Coordinates) -> Fit:

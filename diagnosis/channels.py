@@ -265,7 +265,7 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
         return np.asarray(states[:, kernel.X_AS] * n)
     acceleration = states[:, kernel.X_A]
     if assembly.S[kernel.AT_LINK] >= 0 and assembly.P[kernel.LINK_SENSE] != 0.0:
-        follows = beyond(output.radius, assembly.elbow) if assembly.elbow and output.radius else 1.0
+        follows = beyond(output.radius, assembly.elbow, assembly.curve) if output.radius else 1.0
         acceleration = acceleration + follows * assembly.P[kernel.LINK_SENSE] * states[:, kernel.X_LINK]
     if assembly.S[kernel.AT_BASE] >= 0:
         lever = assembly.P[kernel.BASE_TURN] + assembly.P[kernel.BASE_SLIDE] / (output.radius or math.inf)

@@ -5,7 +5,9 @@ response 1/J_0 of that one. Beside a mount of frequency w and share s = J_L/J_b,
 stiffness K and the inertia J_L resonates there and responds as much where
 
     mount:      K/J_L = k = lambda (w^2 - lambda)/(w^2 - (1 + s) lambda),   J_L = J_0/(1 + (1 - lambda/k)^2/s)
-    neighbour:  r = lambda/(w^2 - lambda),  J_L = J_0/(1 - s + s (1 + r)^2),   K = lambda J_L (1 + s r)
+    neighbour:  r = lambda/(w^2 - lambda),  J_L = J_0 (1 + phi r)^2/(1 - s + s (1 + r)^2),   K = lambda J_L (1 + s r)
+
+phi = 0, and of an arm whose outer part of J_p bends the share by which hammer and sensor ride on that part
 
 (the two-mass eigenproblem solved for the joint). lambda may be the lower or the upper one of the two. A base that ended at
 neither says nothing; so what the recordings themselves ring at is tried as well, with the inertia that was expected. Over a
@@ -24,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.base import relative_misfit
+from jointscope.diagnosis.base import worst_misfit
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.effects.lines import recorded, spectral_peaks
@@ -42,11 +44,13 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 MOUNTS = ("turning-mount", "sliding-mount", "carrier")
-LAWS = (*MOUNTS, "absorber")
+LINKS = ("one-shape", "elbow")
+LAWS = (*MOUNTS, "absorber", *LINKS)
 _K, _C, _J = (BASE_INDEX[name] for name in ("stiffness", "damping", "load_inertia"))
 FREQUENCIES = (0.5, 0.7, 0.88, 1.15, 1.4, 1.8, 2.3, 3.0)  # w/sqrt(lambda)
 SHARES = (0.1, 0.3, 0.7, 1.5)
-HEAVIEST = 0.85  # of the arm's inertia, a neighbour
+HEAVIEST = 0.85  # of the arm's inertia, a neighbour or an outer part
+RIDES = 0.8  # the share by which hammer and sensor ride on the outer part of an arm, to begin with
 LIGHTEST = 0.1  # of the base's inertia, what is left to the joint
 RINGING = 2  # highest peaks of the recordings, tried beside the parent's own resonance
 BAND = (0.3, 4.0)  # times the joint's resonance, in which they are sought
@@ -69,13 +73,15 @@ def beside_mount(squared: float, inertia: float, own: float, share: float) -> tu
     return alone * load, load
 
 
-def beside_neighbour(squared: float, inertia: float, own: float, share: float) -> tuple[float, float] | None:
-    """The same beside a neighbour that is ``share`` of J_L."""
+def beside_neighbour(
+    squared: float, inertia: float, own: float, share: float, rides: float = 0.0
+) -> tuple[float, float] | None:
+    """The same beside a neighbour, or under an outer part, that is ``share`` of J_L; phi is ``rides``."""
     ratio = squared / (own - squared) if own != squared else 0.0
     stiffer = 1.0 + share * ratio
     if ratio == 0.0 or stiffer <= 0.0:
         return None
-    load = inertia / (1.0 - share + share * (1.0 + ratio) ** 2)
+    load = inertia * (1.0 + rides * ratio) ** 2 / (1.0 - share + share * (1.0 + ratio) ** 2)
     return squared * load * stiffer, load
 
 
@@ -90,7 +96,7 @@ def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEf
     theta, effects = parent.coordinates.unpack(parent.x)
     if not laws or any(spec.family == "mode" for spec in held) or theta[_K] <= 0.0:
         return []
-    if relative_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
+    if worst_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
         return []
     expected, peaks = objective.problem.base.start, _peaks(objective.problem)
     found = []
@@ -130,13 +136,13 @@ def _starts(theta: Vector, trial: ActiveEffect) -> Iterator[tuple[Vector, Active
     """Base parameters and the mode, its other numbers as in ``trial``, where the base ``theta`` stood in for both."""
     squared, expected = float(theta[_K] / theta[_J]), float(theta[_J])
     for own, share, joint in _beside(trial, squared, expected):
-        if joint[1] < LIGHTEST * expected:
+        if not LIGHTEST * expected < joint[1] < expected / LIGHTEST:
             continue
         base = theta.copy()
         base[_K], base[_J] = joint
         mount = trial.spec.variant in MOUNTS
         base[_C] *= (joint[0] / joint[1] / squared) ** 2 if mount else joint[1] / expected
-        yield base, _moved(trial, own, share)
+        yield base, _moved(trial, own, share, joint[1])
 
 
 def _expected(start: Vector, trial: ActiveEffect, squared: float) -> Iterator[tuple[Vector, ActiveEffect]]:
@@ -144,7 +150,7 @@ def _expected(start: Vector, trial: ActiveEffect, squared: float) -> Iterator[tu
     for own, share, joint in _beside(trial, squared, float(start[_J])):
         base = start.copy()
         base[_K] = joint[0] / joint[1] * start[_J]
-        yield base, _moved(trial, own, share)
+        yield base, _moved(trial, own, share, float(start[_J]))
 
 
 def _beside(
@@ -154,10 +160,19 @@ def _beside(
     mount = trial.spec.variant in MOUNTS
     for factor, ratio in itertools.product(FREQUENCIES, SHARES):
         own, share = squared * factor**2, ratio if mount else min(ratio / (1.0 + ratio), HEAVIEST)
-        joint = (beside_mount if mount else beside_neighbour)(squared, inertia, own, share)
+        rides = RIDES if trial.spec.variant in LINKS else 0.0
+        joint = (
+            beside_mount(squared, inertia, own, share)
+            if mount
+            else beside_neighbour(squared, inertia, own, share, rides)
+        )
         if joint is not None:
             yield own, share, joint
 
 
-def _moved(trial: ActiveEffect, own: float, share: float) -> ActiveEffect:
-    return ActiveEffect(trial.spec, (math.sqrt(own) / (2.0 * math.pi), share, *trial.values[2:]))
+def _moved(trial: ActiveEffect, own: float, share: float, load: float) -> ActiveEffect:
+    frequency = math.sqrt(own) / (2.0 * math.pi)
+    if trial.spec.variant not in LINKS:
+        return ActiveEffect(trial.spec, (frequency, share, *trial.values[2:]))
+    damping, _, *place = trial.values[2:]
+    return ActiveEffect(trial.spec, (frequency, share * load, damping, RIDES / math.sqrt(share), *place))

@@ -56,11 +56,11 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "plain": ("presliding",),
     "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
     "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
-    "cubic": ("piecewise-cubic",),
     # of as many, but from a lag of the wrong order the next effect is missed
     "first-order": ("second-order", "magnitude-optimum"),
     "second-order": ("first-order", "magnitude-optimum"),
-    "piecewise": ("piecewise-cubic",),
+    **dict.fromkeys(("cubic", "piecewise"), ("piecewise-cubic",)),
+    "elbow": ("cantilever",),
     "mount": ("mount-limited",),
     "input-side-rounded": ("input-side-quadrants",),
     "output-side-rounded": ("output-side-quadrants",),

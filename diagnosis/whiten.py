@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from jointscope.diagnosis.assembly import OBSERVER_ZETA, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS
@@ -36,6 +35,7 @@ from jointscope.diagnosis.noise import (
     white,
 )
 from jointscope.diagnosis.poles import Pole
+from jointscope.diagnosis.prediction_error import prediction_errors
 from jointscope.diagnosis.zeros import zero_scatter, zeros
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ UNFELT = (
     0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
 )
 SAMPLES_PER_FREEDOM = 8.0  # of a coloured residual
+_NONE = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +68,14 @@ class OutputFilter:
         """Filter columns, shape (n, k) -> (n_kept, k)."""
         if self.sections is not None:
             r = asked_only(r, self.sections)
-        scaled = r * self.weight[:, None]
-        if self.ringing is not None:
-            scaled = self.ringing(scaled)
-        filtered = scaled if len(self.ar) == 1 else lfilter(self.ar, [1.0], scaled, axis=0)
-        return filtered[self.keep] / self.sigma
+        above, below = (
+            (_NONE, _NONE) if self.ringing is None else (self.ringing.numerator, self.ringing.denominator)
+        )
+        return np.asarray(
+            prediction_errors(
+                np.ascontiguousarray(r), self.weight, above, below, self.ar, self.keep, float(self.sigma)
+            )
+        )
 
 
 @dataclass(frozen=True, eq=False)

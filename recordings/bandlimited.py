@@ -49,7 +49,7 @@ class Bandlimited:
         """By time from the start on [s]; made when first asked for, as many records are never read between samples."""
         coefficients, lead = self.quintic
         knots = np.arange(coefficients.size + _DEGREE + 1) - (_DEGREE + 1) // 2 - lead
-        return interpolate.BSpline(knots / (self.rate * OVERSAMPLING), coefficients, _DEGREE)
+        return interpolate.BSpline.construct_fast(knots / (self.rate * OVERSAMPLING), coefficients, _DEGREE)
 
     @functools.cached_property
     def quintic(self) -> tuple[Real, int]:
@@ -59,11 +59,9 @@ class Bandlimited:
         padded = np.concatenate(
             [2.0 * values[0] - values[edge:0:-1], values, 2.0 * values[-1] - values[-2 : -edge - 2 : -1]]
         )
-        fine = signal.upfirdn(_kernel(), padded, up=OVERSAMPLING)
-        first = _REACH * OVERSAMPLING  # the kernel's own delay
         lead = min(8, edge) * OVERSAMPLING  # a few samples outside the ends keep the spline's end conditions away
-        begin = first + edge * OVERSAMPLING - lead
-        fine = fine[begin : begin + (values.size - 1) * OVERSAMPLING + 1 + 2 * lead]
+        begin = edge * OVERSAMPLING - lead
+        fine = _oversampled(padded)[begin : begin + (values.size - 1) * OVERSAMPLING + 1 + 2 * lead]
         return np.asarray(ndimage.spline_filter1d(fine, _DEGREE, mode="mirror"), dtype=np.float64), lead
 
 
@@ -88,6 +86,22 @@ def bridged(samples: Real) -> Real:
 def resampled(samples: Real, rate: float, start: float, times: Real) -> Real:
     """``samples`` of a band-limited signal at other ``times`` [s], shape of ``times``."""
     return bandlimited(samples, rate, start)(times)
+
+
+def _oversampled(x: Real) -> Real:
+    """``x``, shape (n,), OVERSAMPLING times as dense, zero beyond its ends; one matrix product, no loop over samples."""
+    silent = np.zeros(_REACH)
+    around = np.lib.stride_tricks.sliding_window_view(
+        np.concatenate([silent, x, silent]), 2 * _REACH + 1
+    )  # (n, taps)
+    return np.asarray((around @ _phases()).ravel())
+
+
+@functools.cache
+def _phases() -> Real:
+    """The kernel by sample around (later ones last) and phase behind the middle one, shape (2 reach + 1, OVERSAMPLING)."""
+    padded = np.concatenate([_kernel(), np.zeros(OVERSAMPLING - 1)])
+    return np.ascontiguousarray(padded.reshape(2 * _REACH + 1, OVERSAMPLING)[::-1])
 
 
 @functools.cache

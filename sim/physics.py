@@ -70,12 +70,14 @@ class Acquisition:
         clock: Of the device that records an output.
         seen: What the sensor of an output makes of ``values`` on the stepping grid, shape (n,), before its coupling.
         kept: What the device makes of its samples.
+        moved: By how much a point of the arm at a radius [m] moves with the mode in which the arm bends.
     """
 
     acted: Callable[[Signal, Record], Record] = _as_recorded
     clock: Callable[[Signal], Clock] = _right_clock
     seen: Callable[[Signal, Real, Trace], Real] = _as_it_is
     kept: Callable[[Signal, Real], Real] = _all_kept
+    moved: Callable[[float], float] = float
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,6 +66,7 @@ REGISTRY: tuple[EffectSpec, ...] = (
     *load.SPECS,
     *modes.SPECS,
     elbow.ELBOW,
+    elbow.CANTILEVER,
     *postures.SPECS,
     *vibration.SPECS,
     *recorder.SPECS,

@@ -9,6 +9,9 @@ above nought and nought below. With c = int r (r - r_e) dm and m = int (r - r_e)
 which is the bend of ``modes`` with its two shapes read at every radius instead of one for all. As there kappa =
 shape sqrt(J_p/J_L), so that the bend vanishes with J_p.
 
+A bar that is clamped there and bends along its length moves by a power of (r - r_e)+ instead, lengths in metres:
+((r_h - r_e)+)^curve / r_h and ((r - r_e)+)^curve / r.
+
 Facts used as tests: what lies inboard of the elbow reads and drives none of the mode; sensors at one radius and hits at
 one radius see the law of two shapes.
 """
@@ -60,10 +63,10 @@ def _possible(problem: Problem) -> str | None:
 
 
 def _apply(assembly: Assembly, values: Values, weight: float) -> None:
-    *mode, elbow = values
-    PLAIN.apply(assembly, tuple(mode), weight)
-    assembly.elbow = elbow
-    assembly.P[kernel.LINK_HIT] *= beyond(hammer_radius(assembly.run), elbow)
+    elbow, curve = (*values[4:], 1.0)[:2]
+    PLAIN.apply(assembly, values[:4], weight)
+    assembly.elbow, assembly.curve = elbow, curve
+    assembly.P[kernel.LINK_HIT] *= beyond(hammer_radius(assembly.run), elbow, curve)
 
 
 def _starts(problem: Problem) -> tuple[Values, ...]:
@@ -95,4 +98,19 @@ ELBOW: EffectSpec = replace(
     possible=_possible,
     limits=_limits,
     residual_starts=_residual_starts,
+)
+
+
+def _straight(problem: Problem) -> tuple[Values, ...]:
+    """One start, an elbow's: it is found from one, see ``rivals.FREER``."""
+    return tuple((*values, 1.0) for values in _starts(problem)[:1])
+
+
+CANTILEVER: EffectSpec = replace(
+    ELBOW,
+    variant="cantilever",
+    parameters=(*ELBOW.parameters, ParameterSpec("curve", "1", 0.3, 5.0)),
+    law="the arm bends along its length; hammer and sensors follow by a power of how far beyond the clamp they are",
+    starts=_straight,
+    residual_starts=None,
 )

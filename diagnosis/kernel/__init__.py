@@ -26,6 +26,8 @@ from jointscope.diagnosis.kernel.laws import tabled as tabled
 from jointscope.diagnosis.kernel.laws import windup as windup
 from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_steps import (
+    simulate_modes,
+    simulate_modes_held,
     simulate_plain,
     simulate_plain_held,
     simulate_rich,
@@ -57,7 +59,7 @@ def simulate(
         simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
-    rich = modes == 1 or S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
+    rich = S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
     rich = (
         rich
         or P[ROUND_M_SPEED] != 0.0
@@ -71,5 +73,7 @@ def simulate(
         or P[GAP_CORNER] != 0.0
     )
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
-    free, fixed = (simulate_rich, simulate_rich_held) if rich else (simulate_plain, simulate_plain_held)
+    free, fixed = (simulate_plain, simulate_plain_held) if mode == 0 else (simulate_modes, simulate_modes_held)
+    if rich:
+        free, fixed = simulate_rich, simulate_rich_held
     (fixed if held else free)(x, P, S, dry_m, dry_l, mode, um, ul, y, t0, h, out)

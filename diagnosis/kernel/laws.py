@@ -150,9 +150,18 @@ def bent(x: float, half: float, corner: float) -> tuple[float, float]:
 
     x - (r_+ - r_-)/2, r_+- = ((x +- half)^2 + corner^2)^(1/2): the dead zone where there is no bend.
     """
-    upper, lower = math.hypot(x + half, corner), math.hypot(x - half, corner)
-    slope = 1.0 - 0.5 * ((x + half) / upper - (x - half) / lower)
+    above, below, width = x + half, x - half, corner * corner
+    upper, lower = math.sqrt(above * above + width), math.sqrt(below * below + width)
+    slope = 1.0 - 0.5 * (above / upper - below / lower)
     return float(x - 0.5 * (upper - lower)), max(float(slope), 0.0)
+
+
+@compiled
+def faded(share: float, power: float) -> float:
+    """share^power; of the two powers that fits end at most often without the time that a power takes."""
+    if power == 0.0:
+        return 1.0
+    return share if power == 1.0 else float(share**power)
 
 
 @compiled
@@ -172,7 +181,7 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
         el = delta - P[GAP_CENTRE]
         if P[GAP_CORNER] > 0.0:
             el, slope = bent(el, P[GAP_HALF], P[GAP_CORNER])
-            contact = slope ** P[GAP_FADE]
+            contact = faded(slope, P[GAP_FADE])
         elif el > P[GAP_HALF]:
             el -= P[GAP_HALF]
         elif el < -P[GAP_HALF]:
@@ -182,7 +191,7 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
             contact = P[GAP_DAMPING]
         if P[GAP_ROUND] > 0.0:
             share = seated(el, P)
-            el, contact = el * math.sqrt(share), contact * share ** P[GAP_FADE]
+            el, contact = el * math.sqrt(share), contact * faded(share, P[GAP_FADE])
     torque = factor * P[K] * el
     if P[K_3] != 0.0 or P[K_2] != 0.0:
         torque += (P[K_2] + P[K_3] * el) * el * el

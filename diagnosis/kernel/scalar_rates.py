@@ -13,6 +13,7 @@ from jointscope.diagnosis.kernel.laws import (
     bent,
     bristles,
     by_quadrant,
+    faded,
     friction,
     hysteresis,
     missing,
@@ -29,13 +30,15 @@ def _scalar_rates_source(
     q_s: float, v_s: float, q: float, v: float, r: float, u: float, t: float, um: float, ul: float, y: float,
     held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
     dry_m: bool, dry_l: bool, sm: int, sl: int, rich: bool, P: Real, S: NDArray[np.int64], mem: Real, mode: int,
+    on: tuple[int, ...],
 ) -> tuple[float, ...]:  # fmt: skip
     """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels."""
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
+    lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre = on
     delta, rate = q_s - q, v_s - v
     if rich:
-        for i in range(S[N_TE]):
+        for i in range(lines):
             b = TE_0 + 4 * i
             arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
             delta += P[b] * math.sin(arg)
@@ -43,43 +46,43 @@ def _scalar_rates_source(
     el, contact = delta, 1.0
     if gap > 0.0:
         el = delta - centre
-        if rich and P[GAP_CORNER] > 0.0:
+        if rich and corner:
             el, slope = bent(el, gap, P[GAP_CORNER])
-            contact = slope ** P[GAP_FADE]
+            contact = faded(slope, P[GAP_FADE])
         elif el > gap:
             el -= gap
         elif el < -gap:
             el += gap
         else:
             el, contact = 0.0, inside
-        if rich and P[GAP_ROUND] > 0.0:
+        if rich and flank:
             share = seated(el, P)
-            el, contact = el * math.sqrt(share), contact * share ** P[GAP_FADE]
+            el, contact = el * math.sqrt(share), contact * faded(share, P[GAP_FADE])
     factor, damping = 1.0 + drift * t, c * contact
     if rich:
-        damping += P[RUB] * abs(delta)
-        if P[PAR_SHARE] != 0.0:
+        if rub:
+            damping += P[RUB] * abs(delta)
+        if par:
             factor += P[PAR_SHARE] * math.sin(
                 P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE]
             )
     T = k * factor * el + (k_2 + k_3 * el) * el * el
-    if rich and P[GAP_IMPACT] != 0.0:
+    if rich and impact:
         damping += P[GAP_IMPACT] * abs(T)
     T += damping * rate
-    if rich and P[GAP_SHEDS] != 0.0 and T * el <= 0.0:
+    if rich and sheds and T * el <= 0.0:
         T = 0.0
     if k_soft != 0.0:
         T -= k_soft * (missing(el, soft, P[SOFT_SMOOTH]) if rich else min(max(el, -soft), soft))
     if rich:
-        if P[REID] != 0.0:
+        if reid:
             bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
             T += P[REID] * k * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)
-        kind = S[HYST_KIND]
         if kind == MAXWELL_SLIP:
             T += P[HYST_TORQUE] * slipping(mem, delta - mem[0], P)
         elif kind != 0:
             T += P[HYST_TORQUE] * hysteresis(mem[1], delta - mem[0], P[HYST_ANGLE], kind, P[HYST_SHAPE])
-        if S[TABLE_SITE] == AT_TRANSMISSION:
+        if table == AT_TRANSMISSION:
             T = with_table(T, P, S, delta, rate, q)
     innovation = 0.0
     if o_2 != 0.0:
@@ -88,18 +91,18 @@ def _scalar_rates_source(
 
     tau = um
     if rich:
-        for i in range(S[N_RIPPLE]):
+        for i in range(ripples):
             b = RIPPLE_0 + 4 * i
             tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
     net_m = tau - T - b_m * v_s
-    if rich and S[TABLE_SITE] == AT_MOTOR:
+    if rich and table == AT_MOTOR:
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
-    if rich and P[ROUND_M_SPEED] != 0.0:
+    if rich and round_m:
         net_m -= rounded(
             P[ROUND_M] + P[ROUND_M_LOAD] * by_quadrant(T, P[ROUND_M_QUADRANT], v_s), P[ROUND_M_SPEED],
             P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s,
         )  # fmt: skip
-    if rich and S[PRE_SITE] == AT_MOTOR:
+    if rich and pre == AT_MOTOR:
         net_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
@@ -117,7 +120,7 @@ def _scalar_rates_source(
     net_m += J_m * push
 
     inertia, angle, mount, pull, du = J_l, q, 0.0, 0.0, 0.0
-    if rich and mode != 0:
+    if mode != 0:
         if mode == 3:
             angle += r
             mount = P[BASE_SHARE] / J_l * (P[BASE_HIT] * ul - T)
@@ -133,16 +136,16 @@ def _scalar_rates_source(
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
     net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
-    if rich and S[TABLE_SITE] == AT_LOAD:
+    if rich and table == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
-    if rich and P[ROUND_L_SPEED] != 0.0:
+    if rich and round_l:
         net_l -= rounded(
             P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
             P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
         )  # fmt: skip
-    if rich and S[PRE_SITE] == AT_LOAD:
+    if rich and pre == AT_LOAD:
         net_l -= bristles(mem[9], q - mem[8], v, T, P)
-    if rich and (mode == 1 or mode == 2):
+    if mode == 1 or mode == 2:
         net_l += (J_l - inertia) * pull
         if mode == 1:
             net_l -= P[LINK_HIT] * ul
@@ -163,7 +166,7 @@ def _scalar_rates_source(
         dq, dv = v + lift, a - mount + push
     net_l += inertia * (push - mount)
     link = mount  # of the mode that hammer and sensor may ride on
-    if rich and (mode == 1 or mode == 2):
+    if mode == 1 or mode == 2:
         du = -a - pull
         if mode == 1:
             du += P[LINK_HIT] * ul / P[LINK_J]

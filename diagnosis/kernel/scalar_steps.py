@@ -15,8 +15,8 @@ from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_rates import scalar_rates, scalar_rates_inlined
 
 
-def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
-    """One loop, compiled four times: without what only ``RICH`` laws need and with it, the motor free or ``HELD``."""
+def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None]:
+    """One loop, compiled six times: bare, with ``MODES``, with what ``RICH`` laws need too; the motor free or ``HELD``."""
 
     def integrate(
         x: Real, P: Real, S: NDArray[np.int64], dry_m: bool, dry_l: bool, mode: int,
@@ -24,7 +24,10 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
     ) -> None:  # fmt: skip
         n = out.shape[0] - 1
         q_s, v_s, q, v, r, u = x[0], x[1], x[2], x[3], 0.0, 0.0
-        if RICH and mode != 0:
+        at = 0  # no mode, and known to the compiler
+        if MODES:
+            at = mode
+        if at != 0:
             r, u = x[4], x[5]
         p = (
             P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
@@ -36,6 +39,28 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
             P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],
             P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
         )  # fmt: skip
+        on = (
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )  # what is switched on, read once: each look would cost every stage
+        if RICH:
+            on = (
+                S[N_TE], int(P[GAP_CORNER] > 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0), int(P[PAR_SHARE] != 0.0),
+                int(P[GAP_IMPACT] != 0.0), int(P[GAP_SHEDS] != 0.0), int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE],
+                S[N_RIPPLE], int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE],
+            )  # fmt: skip
         turn = (q, math.cos(q), math.sin(q))
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
         sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
@@ -87,28 +112,29 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
                         P,
                         S,
                         mem,
-                        mode,
+                        at,
+                        on,
                     )
                 )
                 g = 0.5 * d
                 a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on,
                 )  # fmt: skip
                 a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on,
                 )  # fmt: skip
                 a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, mode,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on,
                 )  # fmt: skip
                 g = d / 6.0
                 e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
                 e_vs = v_s + g * (b1 + 2.0 * (b2 + b3) + b4)
                 e_q = q + g * (c1 + 2.0 * (c2 + c3) + c4)
                 e_v = v + g * (d1 + 2.0 * (d2 + d3) + d4)
-                if RICH:
+                if MODES:
                     e_r = r + g * (f1 + 2.0 * (f2 + f3) + f4)
                     e_u = u + g * (g1 + 2.0 * (g2 + g3) + g4)
                 if event == 0:
@@ -131,7 +157,7 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
                     if (dry_m and sm == 0) or (dry_l and sl == 0):
                         _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                             e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, HELD, p, turn, f, dry_m,
-                            dry_l, sm, sl, RICH, P, S, mem, mode,
+                            dry_l, sm, sl, RICH, P, S, mem, at, on,
                         )  # fmt: skip
                         if dry_m and sm == 0:
                             go = direction(far_m, far_gm, P, FM_PLUS)
@@ -166,7 +192,7 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
                     stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
                     _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                         q_s, v_s, q, v, r, u, t0 + (k + s) * h, input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s),
-                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, mode,
+                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, at, on,
                     )  # fmt: skip
                     if pending == 1:
                         sm = direction(far_m, far_gm, P, FM_PLUS)
@@ -188,7 +214,7 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
         j = 2 * n
         _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
             q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
-            mode,
+            at, on,
         )  # fmt: skip
         row = out[n]
         row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
@@ -198,7 +224,9 @@ def _scalar_simulator(RICH: bool, HELD: bool) -> Callable[..., None]:
     return compiled(integrate)
 
 
-simulate_plain = _scalar_simulator(False, False)
-simulate_plain_held = _scalar_simulator(False, True)
-simulate_rich = _scalar_simulator(True, False)
-simulate_rich_held = _scalar_simulator(True, True)
+simulate_plain = _scalar_simulator(False, False, False)
+simulate_plain_held = _scalar_simulator(False, False, True)
+simulate_modes = _scalar_simulator(False, True, False)
+simulate_modes_held = _scalar_simulator(False, True, True)
+simulate_rich = _scalar_simulator(True, True, False)
+simulate_rich_held = _scalar_simulator(True, True, True)

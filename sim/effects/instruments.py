@@ -105,7 +105,8 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
                     samples = _saturated(samples, law["level"], law.get("knee"))
         return samples
 
-    return Acquisition(acted=acted, clock=clock, seen=seen, kept=kept)
+    bent = next((law for law in laws if law["kind"] == "link-sensor"), {})
+    return Acquisition(acted=acted, clock=clock, seen=seen, kept=kept, moved=lambda radius: _moved(bent, radius))
 
 
 def _meant(law: Law, signal: Signal) -> bool:
@@ -212,8 +213,7 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
     radius = channel.radius or 1.0
     if kind == "link-sensor" and channel.direction == "tangential":
         scale = radius if channel.quantity == "linear-acceleration" else 1.0
-        elbow = float(law.get("elbow", 0.0))
-        follows = float(law["shape"]) * (max(0.0, 1.0 - elbow / radius) if elbow and channel.radius else 1.0)
+        follows = float(law["shape"]) * (_moved(law, radius) / radius if channel.radius else 1.0)
         return np.asarray(values + follows * scale * trace.signals["link acceleration"])
     if kind == "mount-sensor" and channel.direction == "tangential":
         linear = channel.quantity == "linear-acceleration"
@@ -228,6 +228,11 @@ def _through(law: Law, signal: Signal, values: Real, trace: Trace, gravity: floa
             )
         return np.asarray(cos * values + sin * (gravity * np.sin(q) - radius * v**2))
     return values
+
+
+def _moved(law: Law, radius: float) -> float:
+    """By how much of its mode an arm moves at ``radius`` [m]: a power of how far beyond its elbow or clamp that is."""
+    return float(max(0.0, radius - float(law.get("elbow", 0.0))) ** float(law.get("curve", 1.0)))
 
 
 def _bent(law: Law, run: Run, signal: Signal, values: Real, trace: Trace) -> Real:

@@ -75,6 +75,25 @@ def test_each_sensor_sees_the_law_of_two_shapes_with_its_own(two, elbow):
         np.testing.assert_allclose(bent[radius], alike[radius], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize(("clamp", "curve"), [(0.0, 2.5), (0.3, 1.7)])
+def test_of_a_bar_that_bends_along_its_length_too(two, clamp, curve):
+    taken, inertia, shape = two.runs[0], 0.1 * two.base.start[2], 4.0
+    mode = (2.0 * two.scales.frequency, inertia, 0.02)
+    bent = readings(two, taken, ActiveEffect(law(two, "cantilever"), (*mode, shape, clamp, curve)))
+    for radius in (NEAR, FAR):
+        shapes = (shape * (HIT - clamp) ** curve / HIT, shape * (radius - clamp) ** curve / radius)
+        alike = readings(two, taken, ActiveEffect(law(two, "two-shapes"), (*mode, *shapes)))
+        np.testing.assert_allclose(bent[radius], alike[radius], rtol=1e-12, atol=1e-12)
+
+
+def test_a_bar_of_the_first_power_is_an_elbow(two):
+    taken, inertia = two.runs[0], 0.1 * two.base.start[2]
+    values = (2.0 * two.scales.frequency, inertia, 0.02, 4.0, 0.3)
+    straight = readings(two, taken, ActiveEffect(law(two, "cantilever"), (*values, 1.0)))
+    for radius, expected in readings(two, taken, ActiveEffect(law(two, "elbow"), values)).items():
+        np.testing.assert_allclose(straight[radius], expected, rtol=1e-12, atol=1e-12)
+
+
 def test_what_is_inboard_follows_none_of_it():
     assert beyond(0.5, 0.6) == 0.0 and beyond(math.inf, 0.6) == 0.0
     assert beyond(0.9, 0.0) == 1.0 and beyond(0.9, 0.45) == pytest.approx(0.5)

@@ -81,3 +81,15 @@ def test_a_rocking_mount_as_heavy_as_the_arm_is_found_and_the_joint_with_it(prob
 def test_nothing_is_tried_where_the_base_is_near_the_data(problem, recorded, base_and_trials):
     objective, base, _, candidates = base_and_trials(recorded(problem, 2e-3), ())
     assert heavy_modes(objective, base, candidates) == []
+
+
+@pytest.mark.parametrize(("factor", "share", "rides"), [(0.8, 0.35, 1.0), (1.7, 0.35, 0.8), (2.5, 0.6, 0.5)])
+def test_the_joint_under_an_outer_part_that_hammer_and_sensor_ride_on(factor, share, rides):
+    """q'' + phi p'' is hit and seen, p the outer part against the arm."""
+    own = SQUARED * factor**2
+    K, J = beside_neighbour(SQUARED, INERTIA, own, share, rides)
+    J_p = share * J
+    squares, answers = modes(np.array([[J, J_p], [J_p, J_p]]), np.diag([K, J_p * own]), np.array([1.0, rides]))
+    at = int(np.argmin(np.abs(squares / SQUARED - 1.0)))
+    assert squares[at] == pytest.approx(SQUARED, rel=1e-9)
+    assert answers[at] == pytest.approx(1.0 / INERTIA, rel=1e-9)

@@ -99,6 +99,8 @@ CATALOGUE = [
     ("link-flexibility", "load", "one-shape", {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "shape": 1.5}, "inertia", 0.0),
     ("link-flexibility", "load", "two-shapes",
      {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "hit_shape": 1.5, "sensor_shape": -0.5}, "inertia", 0.0),
+    ("link-flexibility", "load", "cantilever",
+     {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "shape": 5.0, "elbow_radius": 0.1, "curve": 2.5}, "inertia", 0.0),
     ("link-flexibility", "load", "elbow",
      {"frequency": 90.0, "inertia": 0.2, "damping": 0.02, "shape": 5.0, "elbow_radius": 0.3}, "inertia", 0.0),
     ("link-flexibility", "load", "2-bends-2-places",

@@ -208,24 +208,33 @@ def test_further_modes_add_their_own_answers_to_the_hit_and_weigh_nothing(rig):
         np.testing.assert_allclose((bent[key] - bare[key])[:-40], added[:-40], atol=0.02 * np.max(np.abs(added)))
 
 
-@pytest.mark.parametrize(("elbow", "hammer"), [(0.3, 1.0), (0.7, 1.0), (0.3, 0.2)])
-def test_beyond_an_elbow_hit_and_sensor_follow_by_how_far_beyond_it_they_are(elbow, hammer):
-    """The two bodies' own equations: M (q, psi)'' + C (q, psi)' + K (q, psi) = (r_h, (r_h - r_e)+) F, c = M_12, m = M_22."""
+@pytest.mark.parametrize(
+    ("elbow", "curve", "hammer"), [(0.3, 1, 1.0), (0.7, 1, 1.0), (0.3, 1, 0.2), (0.1, 2.5, 0.9)]
+)
+def test_beyond_an_elbow_hit_and_sensor_follow_by_how_far_beyond_it_they_are(elbow, curve, hammer):
+    """The two bodies' own equations: M (q, psi)'' + C (q, psi)' + K (q, psi) = (r_h, (r_h - r_e)+^curve) F."""
     c, m, frequency, zeta = 0.2, 0.1, 45.0, 0.02
     inertia, kappa, w = c * c / m, c / m, 2.0 * math.pi * frequency
     run = hit(0.5)
     device = run.streams[0]
     channels = tuple(replace(x, radius=hammer) if x.quantity == "force" else x for x in device.channels)
     run = replace(run, streams=(replace(device, channels=channels),))
-    bent = stepped(run, entry("link-flexibility", "load", "elbow", frequency=frequency, inertia=inertia, damping=zeta,
-                              shape=kappa / math.sqrt(inertia / J_L), elbow_radius=elbow), damping=200.0)  # fmt: skip
+    law = dict(
+        frequency=frequency,
+        inertia=inertia,
+        damping=zeta,
+        shape=kappa / math.sqrt(inertia / J_L),
+        elbow_radius=elbow,
+    )
+    variant, more = ("elbow", {}) if curve == 1 else ("cantilever", {"curve": curve})
+    bent = stepped(run, entry("link-flexibility", "load", variant, **law, **more), damping=200.0)
     M = np.array([[J_L, c], [c, m]])
     springs, dampers = np.diag([2e5, m * w * w]), np.diag([200.0, 2.0 * zeta * w * m])
     turned, outer = np.linalg.solve(M, springs), np.linalg.solve(M, dampers)
-    push = np.linalg.solve(M, np.array([hammer, max(hammer - elbow, 0.0)]))
+    push = np.linalg.solve(M, np.array([hammer, max(hammer - elbow, 0.0) ** curve]))
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-turned, -outer]])
     B = np.concatenate([np.zeros(2), push])[:, None]
-    lever = np.array([0.5, max(0.5 - elbow, 0.0)])
+    lever = np.array([0.5, max(0.5 - elbow, 0.0) ** curve])
     C = lever[None, :] @ np.hstack([-turned, -outer])
     force = run.select("force", role="input")[0].samples
     expected = lsim((A, B, C, (lever @ push).reshape(1, 1)), force, np.arange(force.size) / RATE)[1]
