@@ -55,7 +55,8 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 
-IN_PLAY = 0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit
+IN_PLAY = 0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit ...
+RATTLES = 50.0  # ... and nats that it must in any case: a play that gains less has not been lost among the periods
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
@@ -193,7 +194,8 @@ def _worth_more(arena: Arena, size: int) -> bool:
 def _may_play(arena: Arena) -> bool:
     """Whether play alone, as the search found it, has some of what the leading effect has."""
     most = arena.base.loss - arena.hypotheses[0].loss
-    return any(h.names == (PLAY,) and arena.base.loss - h.loss > IN_PLAY * most for h in arena.hypotheses)
+    needed = max(IN_PLAY * most, RATTLES)
+    return any(h.names == (PLAY,) and arena.base.loss - h.loss > needed for h in arena.hypotheses)
 
 
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
