@@ -55,7 +55,9 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 
-IN_PLAY = 0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit ...
+IN_PLAY = (
+    0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit ...
+)
 RATTLES = 50.0  # ... and nats that it must in any case: a play that gains less has not been lost among the periods
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
