@@ -247,11 +247,6 @@ def _loads(setup: Setup, run: Run, times: Real, physics: Physics) -> dict[str, R
         columns["mount force"] = hammer
     if "bending force" in setup.machine.inputs:
         columns["bending force"] = physics.acquisition.moved(hammer_radius(run) or 0.0) * hammer
-    if "elbow force" in setup.machine.inputs:
-        model, radius = setup.machine.model, hammer_radius(run) or 0.0
-        elbow = -float(model.actuator("elbow force").gear[0] / model.actuator("elbow torque").gear[0])
-        outside = float(radius > elbow)  # a hit within it, and a torque, leave the outer part alone
-        columns["elbow torque"], columns["elbow force"] = outside * radius * hammer, outside * hammer
     return columns
 
 

@@ -39,22 +39,8 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
             P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],
             P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
         )  # fmt: skip
-        on = (
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        )  # what is switched on, read once: each look would cost every stage
+        # what is switched on, read once: each look would cost every stage
+        on = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)  # fmt: skip
         if RICH:
             on = (
                 S[N_TE], int(P[GAP_CORNER] > 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0), int(P[PAR_SHARE] != 0.0),

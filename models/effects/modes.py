@@ -1,8 +1,8 @@
 r"""Further modes as bodies: a part of the arm's inertia on its own spring, or a mount that turns under the joint.
 
 J_p (q'' + p'' + 2 zeta w p' + w^2 p) = phi_h T_ext, J_p out of J_L; the sensor reads q'' + phi_s p'';
-  at an elbow phi = kappa (1 - r_e/r) beyond r_e, so the work of a force F at r_h is kappa (r_h F - r_e F);
-  of a bar clamped there phi = kappa (r - r_e)^curve/r, so it is kappa (r_h - r_e)^curve F
+  beyond an elbow phi = kappa (r - r_e)^curve/r, curve 1 but of a bar, so the work of a force F at r_h is
+  kappa (r_h - r_e)^curve F
 J_L (p_r'' + 2 zeta w p_r' + w^2 p_r) = T_ext; sensor k reads shape_k q'' + sum_r s_rk p_r''
 J_b (b'' + 2 zeta w b' + w^2 b) = -T_S, J_b = J_L / share; the arm turns by q + b, its encoders see q
 Where the posture tells, J_b and the levers are those at the mount's own direction; replay sets each run's
@@ -27,19 +27,15 @@ def link(building: Building, location: str, variant: str, p: Parameters) -> str:
     sensed = p.get("sensor_shape", p.get("shape", 0.0)) * share
     _on_the_arm(building, "link", inertia, p)
     elbow, curve = p.get("elbow_radius", 0.0), p.get("curve", 1.0)
-    if hit != 0.0 and curve != 1.0:  # replay knows how far beyond the clamp the hammer is
+    if hit != 0.0 and "elbow_radius" in p:  # replay knows how far beyond it the hammer is
         push = building.spec.add_actuator(name="bending force", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="link")
         push.gear[0] = hit
-    elif hit != 0.0 and elbow:  # what a force does beyond it: its torque less what it would be at the elbow
-        for name, gear in (("elbow torque", hit), ("elbow force", -hit * elbow)):
-            push = building.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="link")
-            push.gear[0] = gear
     elif hit != 0.0:  # the part of the hammer's torque that works on the mode; replay drives it
         push = building.spec.add_actuator(name="link torque", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="link")
         push.gear[0] = hit
     if sensed != 0.0:
         building.law("link-sensor", shape=sensed, elbow=elbow, curve=curve)
-    return "body, joint" + (" and actuators" if hit and elbow else " and actuator" if hit else "") + " 'link'"
+    return "body, joint" + (" and actuator" if hit else "") + " 'link'"
 
 
 def bends(building: Building, p: Parameters) -> str:
