@@ -11,7 +11,7 @@ r what the base leaves, h a Hann window over where the record is quiet (a hit's 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,17 +66,17 @@ def _lines(problem: Problem, left: Sequence[Sequence[Vector]], mains: float) -> 
     heard: dict[int, tuple[Vector, Vector]] = {}
     for k in range(1, MULTIPLES + 1):
         takes = [
-            (run, o, r)
+            (_quietly(run, o, r), dynamic_level(o))
             for run, rows in zip(problem.runs, left, strict=True)
             for o, r in zip(run.outputs, rows, strict=True)
             if _can_hum(run, o, k * mains)
         ]
         if not takes:
             continue
-        beside = np.array([_beside(*take, k * mains) for take in takes])
-        power = np.array([[_power(*take, k * f) for take in takes] for f in tried])
+        beside = np.array([_beside(quiet, k * mains) for quiet, _ in takes])
+        power = np.stack([np.square(np.abs(_amplitudes(quiet, k * tried))) for quiet, _ in takes], axis=1)
         excess = (np.sum(power / beside, axis=1) - len(takes)) / np.sqrt(len(takes))
-        level = np.array([dynamic_level(o) for _, o, _ in takes])
+        level = np.array([size for _, size in takes])
         sizes = np.median(np.sqrt(0.5 * np.maximum(power - beside, 0.0)) / level, axis=1)
         if np.max(excess) > STANDS:
             heard[k] = (excess, sizes)
@@ -100,22 +100,44 @@ def _quiet(run: PreparedRun, output: Output) -> NDArray[np.bool_]:
     return quiet
 
 
-def _amplitude(run: PreparedRun, output: Output, r: Vector, frequency: float) -> complex:
+@dataclass(frozen=True, eq=False)
+class Quiet:
+    """The quiet part of one record.
+
+    Attributes:
+        times: [s], shape (n,).
+        weighted: h (r - its mean under h) / sum(h), shape (n,).
+        width: Of a line [Hz], one over the part's duration.
+    """
+
+    times: Vector
+    weighted: Vector
+    width: float
+
+
+def _quietly(run: PreparedRun, output: Output, r: Vector) -> Quiet:
     where = _quiet(run, output)
-    t, x = output.times[where], r[where]
-    window = np.hanning(x.size)
-    x = x - np.sum(window * x) / np.sum(window)
-    return complex(2.0 * np.sum(window * x * np.exp(-2j * np.pi * frequency * t)) / np.sum(window))
+    x, h = r[where], np.hanning(np.count_nonzero(where))
+    h /= np.sum(h)
+    return Quiet(output.times[where], h * (x - h @ x), output.rate / x.size)
 
 
-def _power(run: PreparedRun, output: Output, r: Vector, frequency: float) -> float:
-    return abs(_amplitude(run, output, r, frequency)) ** 2
+def _amplitudes(quiet: Quiet, frequencies: Vector) -> NDArray[np.complex128]:
+    """a of evenly spaced ``frequencies`` [Hz], shape of them: one exponential, then turned from each to the next."""
+    spacing = frequencies[1] - frequencies[0] if frequencies.size > 1 else 0.0
+    turn = np.exp(-2j * np.pi * spacing * quiet.times)
+    turned = quiet.weighted * np.exp(-2j * np.pi * frequencies[0] * quiet.times)
+    a = np.empty(frequencies.size, dtype=np.complex128)
+    for k in range(frequencies.size):
+        a[k] = 2.0 * np.sum(turned)
+        turned *= turn
+    return a
 
 
-def _beside(run: PreparedRun, output: Output, r: Vector, frequency: float) -> float:
+def _beside(quiet: Quiet, frequency: float) -> float:
     """Mean of |a|^2 to either side of a frequency."""
-    width = output.rate / np.count_nonzero(_quiet(run, output))
-    powers = [_power(run, output, r, frequency + side * k * width) for k in BESIDE for side in (-1, 1)]
+    beyond = quiet.width * np.asarray(BESIDE)
+    powers = [np.square(np.abs(_amplitudes(quiet, at))) for at in (frequency - beyond, frequency + beyond)]
     return max(float(np.mean(powers)), 1e-300)
 
 
@@ -124,5 +146,6 @@ def _outputs(run: PreparedRun, left: Sequence[Vector], found: Sequence[float]) -
         data = output.data
         for f in found:
             if _can_hum(run, output, f):
-                data = data - np.real(_amplitude(run, output, r, f) * np.exp(2j * np.pi * f * output.times))
+                a = _amplitudes(_quietly(run, output, r), np.array([f]))[0]
+                data = data - np.real(a * np.exp(2j * np.pi * f * output.times))
         yield replace(output, data=data)
