@@ -58,7 +58,12 @@ class Turned:
 
     def columns(self, order: float) -> NDArray[np.float64]:
         """cos and sin of the order in the outputs of that kind, whitened, the others silent, shape (n, 2)."""
-        return self.whitened([np.stack([np.cos(order * q), np.sin(order * q)], axis=1) for q in self.angles])
+        return self.whitened(
+            [
+                np.stack([np.cos(order * q), np.sin(order * q)], axis=1) if wanted else np.zeros((q.size, 2))
+                for q, wanted in zip(self.angles, self.wanted, strict=True)
+            ]
+        )
 
     def whitened(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """What these do to the outputs of that kind, one array (n_output, 2) each, whitened, shape (n, 2)."""
