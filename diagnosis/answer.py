@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointscope.diagnosis.adjudicate import Judged, compare
+from jointscope.diagnosis.between_runs import varying_json
 from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.constancy import changes_json
 from jointscope.diagnosis.describe import DEPENDS, showing
@@ -265,6 +266,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
         **next_json(diagnosis),
         "remainder": remainder_json(diagnosis.remainder),
         "changes": changes_json(diagnosis.changes),
+        "between_runs": varying_json(diagnosis.differing),
         "not_seen": unseen_json(diagnosis.not_seen),
         "noise": {
             "hit_gain": judgement.noise.gain,

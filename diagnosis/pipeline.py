@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from jointscope.diagnosis.adjudicate import Judged, Judgement, judge
 from jointscope.diagnosis.alignment import inexact, realigned
 from jointscope.diagnosis.base import Stage, refit_base
+from jointscope.diagnosis.between_runs import Varying, varying, with_varying
 from jointscope.diagnosis.constancy import Change, changes
 from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.encoder_lines import without_encoder_lines
@@ -32,6 +33,7 @@ from jointscope.diagnosis.second_look import second_look
 from jointscope.diagnosis.seen_weight import as_seen
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
+from jointscope.diagnosis.tethered import beside, run_away, tethered
 from jointscope.diagnosis.turning import repeating
 from jointscope.diagnosis.verdict import (
     Decision,
@@ -69,6 +71,7 @@ class Diagnosis:
         not_seen: Effects that were not found, and the size that would have shown.
         remainder: What the chosen model leaves that still follows the input, or repeats with the turn, per kind of channel.
         changes: How far the size of named effects moves within runs.
+        differing: How far the joint's own parameters differ between runs, where nothing was named.
     """
 
     problem: Problem
@@ -83,6 +86,7 @@ class Diagnosis:
     not_seen: tuple[Unseen, ...] = ()
     remainder: tuple[Remainder, ...] = ()
     changes: tuple[Change, ...] = ()
+    differing: tuple[Varying, ...] = ()
 
 
 def _at_size(problem: Problem, stage: Stage) -> tuple[Problem, Stage]:
@@ -130,6 +134,11 @@ def diagnose(
     specs = tuple(at_rig(spec, problem) for spec in specs)
     outside = tuple(at_rig(spec, problem) for spec in STRANGERS)
     screening, hypotheses = explore(stage, specs, effort, report, outside)
+    away = run_away(stage)
+    if away:
+        report("searching once more, from the base that was expected")
+        _, others = explore(tethered(stage, away), specs, effort, report, outside)
+        hypotheses = beside(stage.objective, hypotheses, others)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)
@@ -153,6 +162,8 @@ def diagnose(
     left = (*following, *repeats)
     changing: tuple[Change, ...] = ()
     decision = with_remainder(decision, left)
+    differing = varying(judgement, decision.chosen) if decision.verdict == "none" else ()
+    decision = with_varying(decision, differing)
     if decision.verdict == "effects":
         changing = changes(judgement, decision.chosen)
         at_base = remainders(judgement, judgement.base) if any(r.stands for r in following) else ()
@@ -165,7 +176,17 @@ def diagnose(
         decision = with_unknown_force(judgement, decision, black_box)
     decision = with_what_repeats(judgement, decision)
     whole = Diagnosis(
-        problem, split, stage, screening, judgement, decision, where, black_box, remainder=left, changes=changing
+        problem,
+        split,
+        stage,
+        screening,
+        judgement,
+        decision,
+        where,
+        black_box,
+        remainder=left,
+        changes=changing,
+        differing=differing,
     )
     whole = handed_on(whole, free_prediction)
     report("weighing what to record next")

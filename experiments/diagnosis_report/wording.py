@@ -209,7 +209,10 @@ def _following(answer: dict[str, Any], translational: bool) -> str:
         said = in_words(answer["changes"][0]["sentence"], translational=translational)
         return f" {said[0].upper()}{said[1:]}."
     left = answer.get("remainder") or []
-    return f" In {left[0]['sentence']}." if left else ""
+    if left:
+        return f" In {left[0]['sentence']}."
+    apart = answer.get("between_runs") or []
+    return f" {apart[0]['sentence'][0].upper()}{apart[0]['sentence'][1:]}." if apart else ""
 
 
 def _beside(answer: dict[str, Any], translational: bool) -> str:
