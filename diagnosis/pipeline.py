@@ -33,7 +33,6 @@ from jointscope.diagnosis.second_look import second_look
 from jointscope.diagnosis.seen_weight import as_seen
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
-from jointscope.diagnosis.tethered import beside, run_away, tethered
 from jointscope.diagnosis.turning import repeating
 from jointscope.diagnosis.verdict import (
     Decision,
@@ -134,11 +133,6 @@ def diagnose(
     specs = tuple(at_rig(spec, problem) for spec in specs)
     outside = tuple(at_rig(spec, problem) for spec in STRANGERS)
     screening, hypotheses = explore(stage, specs, effort, report, outside)
-    away = run_away(stage)
-    if away:
-        report("searching once more, from the base that was expected")
-        _, others = explore(tethered(stage, away), specs, effort, report, outside)
-        hypotheses = beside(stage.objective, hypotheses, others)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = decide(judgement)

@@ -51,6 +51,7 @@ TOO_MANY = 3  # effects that together have mostly stood in for one that the cata
 BY_FORM = (
     0.001  # of a score: what a third effect adds, or is left and follows the input, is less than laws are off by
 )
+BY_FIRST = 1e-4  # the same of a second effect: the first one's law is right to a hundredth of its size at best
 LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...
@@ -178,8 +179,9 @@ def rank(judgement: Judgement) -> list[Ranked]:
             for other, (v, _) in best.items()
             if 0 < len(other) < len(names) and not set(other) < set(names)
         }
-        pairs = [v for other, (v, _) in best.items() if 1 < len(other) < len(names) and set(other) < set(names)]
-        if pairs and 0.0 < value < (1.0 + BY_FORM) * max(pairs):
+        parts = {o: v for o, (v, _) in best.items() if 0 < len(o) < len(names) and set(o) < set(names)}
+        least = [(1.0 + (BY_FORM if len(o) > 1 else BY_FIRST)) * v for o, v in parts.items()]
+        if 0.0 < value < max(least, default=0.0):
             best[names] = (-NOT_STANDING, judged)
         leading = [other for other, v in simpler.items() if value < LEADS_FEWER * v]
         if leading and not all(_beside_a_form(judgement, judged, best, other) for other in leading):

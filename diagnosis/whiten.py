@@ -1,7 +1,7 @@
 """Residuals made standard normal: prediction-error filter per output, hit gain and timing marginalised per run.
 
 Sigma = L L' + s_g^2 y y' + s_t^2 y. y.' (science of B.2, stage 0), H H' of what the noise of the recorded input makes the
-model do (``input_scatter``), and s_0^2 1 1' for each angle, whose zero no record tells (``zeros``).
+model do (``input_scatter``), and s_0^2 1 1' for each channel whose zero no record tells (``zeros``).
 With U = L^-1 [s_g y, s_t y., H, s_0 1], U'U = V lambda V' and D = U V lambda^-1/2,
 w = (I - D diag(1 - (1 + lambda)^-1/2) D') L^-1 r is the symmetric square root of Woodbury's identity:
 w'w = r' Sigma^-1 r exactly, and w is linear in r.

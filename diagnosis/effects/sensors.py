@@ -151,7 +151,7 @@ def _soft_levels(problem: Problem) -> tuple[float, float, float]:
 
 def _soft_level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     peak = max(problem.scales.acceleration, 1e-9)
-    return {"level": (0.3 * peak, 100.0 * peak)}
+    return {"level": (0.3 * peak, 30.0 * peak)}
 
 
 _TIMING = ("delay", "drive-lag", "link-flexibility")

@@ -26,6 +26,8 @@ from jointscope.diagnosis.kernel.laws import tabled as tabled
 from jointscope.diagnosis.kernel.laws import windup as windup
 from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_steps import (
+    simulate_branches,
+    simulate_branches_held,
     simulate_modes,
     simulate_modes_held,
     simulate_plain,
@@ -54,10 +56,9 @@ def simulate(
         out: Result; columns X_QS ... X_TEXT.
     """
     modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
-    scalar = S[N_X] == 4 + 2 * modes and modes <= 1 and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
-    if not scalar:
-        simulate_full(x, P, S, um, ul, y, w, t0, h, out)
-        return
+    relaxing = S[N_BRANCH] > 0
+    scalar = S[N_X] == 4 + 2 * modes + S[N_BRANCH] and modes <= 1
+    scalar = scalar and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
     held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
     rich = S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
     rich = (
@@ -72,8 +73,13 @@ def simulate(
         or P[GAP_SHEDS] != 0.0
         or P[GAP_CORNER] != 0.0
     )
+    if not scalar or (rich and relaxing):
+        simulate_full(x, P, S, um, ul, y, w, t0, h, out)
+        return
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
     free, fixed = (simulate_plain, simulate_plain_held) if mode == 0 else (simulate_modes, simulate_modes_held)
+    if relaxing:
+        free, fixed = simulate_branches, simulate_branches_held
     if rich:
         free, fixed = simulate_rich, simulate_rich_held
     (fixed if held else free)(x, P, S, dry_m, dry_l, mode, um, ul, y, t0, h, out)

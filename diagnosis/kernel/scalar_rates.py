@@ -30,9 +30,12 @@ def _scalar_rates_source(
     q_s: float, v_s: float, q: float, v: float, r: float, u: float, t: float, um: float, ul: float, y: float,
     held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
     dry_m: bool, dry_l: bool, sm: int, sl: int, rich: bool, P: Real, S: NDArray[np.int64], mem: Real, mode: int,
-    on: tuple[int, ...],
+    on: tuple[int, ...], relaxing: float,
 ) -> tuple[float, ...]:  # fmt: skip
-    """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels."""
+    """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels.
+
+    ``relaxing``: torque of relaxation branches [N m].
+    """
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
     lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre = on
@@ -74,6 +77,7 @@ def _scalar_rates_source(
         T = 0.0
     if k_soft != 0.0:
         T -= k_soft * (missing(el, soft, P[SOFT_SMOOTH]) if rich else min(max(el, -soft), soft))
+    T += relaxing
     if rich:
         if reid:
             bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta

@@ -1,4 +1,4 @@
-"""The joint stepped in scalars: no state vector, so three times as fast; loops, branches and prescribed motions can't."""
+"""The joint stepped in scalars: no state vector, so three times as fast; loops, several modes and prescribed motions can't."""
 
 from __future__ import annotations
 
@@ -15,8 +15,26 @@ from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_rates import scalar_rates, scalar_rates_inlined
 
 
-def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None]:
-    """One loop, compiled six times: bare, with ``MODES``, with what ``RICH`` laws need too; the motor free or ``HELD``."""
+@compiled
+def relaxed(
+    zs: Real, to: int, stage: int, rate: float, weight: float, ahead: float, spring: Real, slow: Real
+) -> float:
+    """Rates of the branches at ``stage`` added to the step's, and they moved by them to row ``to``: their torque there [N m]."""
+    torque = 0.0
+    for i in range(MOST_BRANCHES):
+        f = rate - slow[i] * zs[stage, i]
+        zs[5, i] = f if stage == 0 else zs[5, i] + weight * f
+        zs[to, i] = zs[0, i] + ahead * f
+        torque += spring[i] * zs[to, i]
+    return torque
+
+
+def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = False) -> Callable[..., None]:
+    """One loop, compiled eight times: bare, with ``MODES``, relaxation ``BRANCHES`` beside them, or what ``RICH`` laws need too.
+
+    With the motor free or ``HELD``. A branch's rate is that of the wind-up less its own, z' = Delta' - z/tau, so its stages
+    need no more of the joint than its speeds.
+    """
 
     def integrate(
         x: Real, P: Real, S: NDArray[np.int64], dry_m: bool, dry_l: bool, mode: int,
@@ -57,6 +75,13 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
             hyst, pre = S[HYST_KIND] != 0, S[PRE_SITE]
             mem[0] = windup_of_scalars(q_s, q, P, S)
             mem[8] = q_s if pre == AT_MOTOR else q
+        zs = np.zeros((6, MOST_BRANCHES))  # where the branches are, at the three later stages, after them; the sum of rates
+        spring, slow = np.zeros(MOST_BRANCHES), np.zeros(MOST_BRANCHES)
+        z1, z2, z3, z4 = 0.0, 0.0, 0.0, 0.0
+        if BRANCHES:
+            for i in range(S[N_BRANCH]):
+                zs[0, i] = x[S[AT_BRANCH] + i]
+                spring[i], slow[i] = P[BRANCH_0 + 2 * i], 1.0 / P[BRANCH_0 + 2 * i + 1]
         for k in range(n):
             if abs(q - turn[0]) > TURN:
                 turn = (q, math.cos(q), math.sin(q))
@@ -74,6 +99,10 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
                     m1, l1, y1 = input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s)
                     m2, l2, y2 = input_at(um, k, mid), input_at(ul, k, mid), input_at(y, k, mid)
                     m3, l3, y3 = input_at(um, k, target), input_at(ul, k, target), input_at(y, k, target)
+                if BRANCHES:
+                    z1 = 0.0
+                    for i in range(MOST_BRANCHES):
+                        z1 += spring[i] * zs[0, i]
                 a1, b1, c1, d1, f1, g1, acc_s, acc, link, T, tau, net_m, net_l, level_m, level_l = (
                     scalar_rates_inlined(
                         q_s,
@@ -100,21 +129,34 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
                         mem,
                         at,
                         on,
+                        z1,
                     )
                 )
                 g = 0.5 * d
+                if BRANCHES:
+                    z2 = relaxed(zs, 1, 0, v_s - v, 1.0, g, spring, slow)
                 a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z2,
                 )  # fmt: skip
+                if BRANCHES:
+                    z3 = relaxed(zs, 2, 1, v_s + g * b1 - v - g * d1, 2.0, g, spring, slow)
                 a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z3,
                 )  # fmt: skip
+                if BRANCHES:
+                    z4 = relaxed(zs, 3, 2, v_s + g * b2 - v - g * d2, 2.0, d, spring, slow)
                 a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z4,
                 )  # fmt: skip
+                if BRANCHES:
+                    relaxed(zs, 4, 3, v_s + d * b3 - v - d * d3, 1.0, 0.0, spring, slow)
+                    z4 = 0.0
+                    for i in range(MOST_BRANCHES):
+                        zs[4, i] += d / 6.0 * zs[5, i]
+                        z4 += spring[i] * zs[4, i]
                 g = d / 6.0
                 e_qs = q_s + g * (a1 + 2.0 * (a2 + a3) + a4)
                 e_vs = v_s + g * (b1 + 2.0 * (b2 + b3) + b4)
@@ -143,7 +185,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
                     if (dry_m and sm == 0) or (dry_l and sl == 0):
                         _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                             e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, HELD, p, turn, f, dry_m,
-                            dry_l, sm, sl, RICH, P, S, mem, at, on,
+                            dry_l, sm, sl, RICH, P, S, mem, at, on, z4,
                         )  # fmt: skip
                         if dry_m and sm == 0:
                             go = direction(far_m, far_gm, P, FM_PLUS)
@@ -163,8 +205,12 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
                     if target - s > 1e-9:
                         continue
                     e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
+                    if BRANCHES:
+                        zs[4], z4 = zs[0], z1
                 # the event itself, at fraction target
                 q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
+                if BRANCHES:
+                    zs[0] = zs[4]
                 if hyst:
                     remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
                 if pre != 0:
@@ -178,7 +224,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
                     stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
                     _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                         q_s, v_s, q, v, r, u, t0 + (k + s) * h, input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s),
-                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, at, on,
+                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, at, on, z4,
                     )  # fmt: skip
                     if pending == 1:
                         sm = direction(far_m, far_gm, P, FM_PLUS)
@@ -193,6 +239,8 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
                 if s > 1.0 - 1e-9:
                     break
             q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
+            if BRANCHES:
+                zs[0] = zs[4]
             if hyst:
                 remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
             if pre != 0:
@@ -200,7 +248,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool) -> Callable[..., None
         j = 2 * n
         _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
             q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
-            at, on,
+            at, on, z4,
         )  # fmt: skip
         row = out[n]
         row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
@@ -214,5 +262,7 @@ simulate_plain = _scalar_simulator(False, False, False)
 simulate_plain_held = _scalar_simulator(False, False, True)
 simulate_modes = _scalar_simulator(False, True, False)
 simulate_modes_held = _scalar_simulator(False, True, True)
+simulate_branches = _scalar_simulator(False, True, False, True)
+simulate_branches_held = _scalar_simulator(False, True, True, True)
 simulate_rich = _scalar_simulator(True, True, False)
 simulate_rich_held = _scalar_simulator(True, True, True)

@@ -126,6 +126,10 @@ MODE = dict(LINK_J=0.3, LINK_OMEGA=560.0, LINK_ZETA=0.02, LINK_HIT=0.5, NEAR_J=0
         (MODE | DRY, k.AT_LINK),
         (MODE, k.AT_NEAR),
         (MODE | DRY, k.AT_BASE),
+        (dict(N_BRANCH=5, **DRY), k.AT_BRANCH),
+        (dict(N_BRANCH=3), k.AT_BRANCH),
+        (MODE | DRY | dict(N_BRANCH=5), k.AT_LINK),
+        (MODE | dict(N_BRANCH=5), k.AT_BASE),
     ],
 )
 def test_the_scalar_kernels_and_the_full_one_are_one_model(numbers, switch, motor):
@@ -133,8 +137,11 @@ def test_the_scalar_kernels_and_the_full_one_are_one_model(numbers, switch, moto
     P, S = packed(MOTOR=motor, C=40.0, G_COS=10.0, OBS_1=30.0, OBS_2=355.0, OBS_QS=1.0, **numbers)
     P[k.TE_0 : k.TE_0 + 4] = (3e-5, 141.0, 0.0, 0.3)
     P[k.RIPPLE_0 : k.RIPPLE_0 + 4] = (2.0, 0.02, 141.0, 0.3)
-    if switch is not None:
+    if switch is not None and switch != k.AT_BRANCH:
         modes(S, switch)
+    if S[k.N_BRANCH]:
+        S[k.AT_BRANCH], S[k.N_X] = S[k.N_X], S[k.N_X] + S[k.N_BRANCH]
+        P[k.BRANCH_0 : k.BRANCH_0 + 10 : 2], P[k.BRANCH_0 + 1 : k.BRANCH_0 + 10 : 2] = 4e3, 1e-3 * 2.0 ** np.arange(5)
     n, rate = 2048, 4096.0
     t = np.arange(2 * n + 1) / (2 * rate)
     um, ul = 30.0 * np.sin(2 * np.pi * 11.0 * t), 200.0 * np.exp(-(((t - 0.05) / 0.006) ** 2))

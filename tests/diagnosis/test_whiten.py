@@ -3,21 +3,23 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from jointscope.diagnosis.energies import error_energies
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, autocovariance, block_key, block_noise, fit_ar
 from jointscope.diagnosis.whiten import hit_scatter, output_filter, run_scale, run_whitener, scatter_columns
+from jointscope.diagnosis.zeros import AMPLIFIER
 
 
-def hit(data, rate=1000.0, quantity="linear-acceleration"):
-    """A hit with one accelerometer, as far as whitening looks at it."""
+def hit(data, rate=1000.0, quantity="linear-acceleration", low_cutoff=0.5):
+    """A hit with one accelerometer, coupled by AC unless ``low_cutoff`` is none, as far as whitening looks at it."""
     force = np.zeros(len(data))
     force[20:26] = 100.0
     output = SimpleNamespace(
         quantity=quantity, location="arm", direction="tangential", radius=0.9, rate=rate,
-        data=data, mask=np.ones(len(data), bool),
+        data=data, mask=np.ones(len(data), bool), low_cutoff=low_cutoff,
     )  # fmt: skip
     run = SimpleNamespace(experiment="hammer", brake=True)
     return SimpleNamespace(
@@ -78,6 +80,21 @@ def test_an_encoder_says_nothing_of_where_between_two_steps_it_began():
     assert bare @ bare - w @ w > 0.5 * data.size
     moved = whitener([r + 0.5 * step * np.sin(np.arange(data.size) / 20.0)])[:, 0]
     assert moved @ moved - w @ w > 0.2 * data.size  # anything else than a constant is as loud as before
+
+
+@pytest.mark.parametrize(("low_cutoff", "told"), [(None, False), (0.5, True)])
+def test_an_amplifiers_last_tenths_of_a_thousandth_of_g_say_nothing(low_cutoff, told):
+    """What no quiet part shows costs two nats at most; thirty times that, a gain's share of g, is told as before."""
+    y = ringing(4000)
+    run = hit(y, low_cutoff=low_cutoff)
+    key = block_key(run, run.outputs[0])
+    noise = NoiseModel({key: BlockNoise(np.array([1.0]), 0.003, 0.003, 0.0)}, gain=0.02, timing=4e-5)
+    r = 0.003 * np.random.default_rng(7).standard_normal(y.size)
+    whitener = run_whitener(run, noise, (y,))
+    w, moved, gained = (whitener([x])[:, 0] for x in (r, r + 0.5 * AMPLIFIER, r + 30.0 * AMPLIFIER))
+    assert bool(abs(moved @ moved - w @ w) > 1000.0) is told
+    assert told or abs(moved @ moved - w @ w) < 4.0
+    assert gained @ gained - w @ w > 800.0
 
 
 def test_an_autoregressive_process_is_recovered_and_white_noise_gets_no_filter():
