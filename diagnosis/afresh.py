@@ -134,9 +134,9 @@ def _under_its_own_noise(stage: Stage, spec: EffectSpec) -> Fit:
         return moved, ActiveEffect(spec, (level * step * theta[inertia], *spec.starts(problem)[0]))
 
     grid = list(itertools.product(LEVELS, LIES))
-    costs = own.map(lambda at: own.misfit(start(at)[0], (start(at)[1],)), grid)
-    base, active = start(grid[int(np.argmin(costs))])
-    return _under_noise_of_its_own(own, noise, where, where.pack(base, (active,)))
+    starts = [(base, (active,)) for base, active in map(start, grid)]
+    base, active = starts[own.nearest(starts)]
+    return _under_noise_of_its_own(own, noise, where, where.pack(base, active))
 
 
 def _two_sided(active: ActiveEffect) -> bool:

@@ -104,9 +104,8 @@ def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEf
         starts = [*_starts(theta, trial), *(s for squared in peaks for s in _expected(expected, trial, squared))]
         if not starts:
             continue
-        costs = objective.map(lambda start: objective.misfit(start[0], (*effects, start[1])), starts)
         where = coordinates(objective.problem, (*held, trial.spec))
-        base, active = starts[int(np.argmin(costs))]
+        base, active = starts[objective.nearest([(base, (*effects, active)) for base, active in starts])]
         x = where.pack(base, (*effects, active))
         fit = least_squares(objective, where, x, iterations=FREE[0], tolerance=3e-3, simulations=FREE[1])
         if fit.chi2 < parent.chi2:

@@ -6,6 +6,7 @@ workers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -117,6 +118,33 @@ class Objective:
         """w @ w of all runs, one after the other on the caller's thread: many trials are compared side by side."""
         parts = [self.run_residual(i, theta, effects) for i in range(len(self.runs))]
         return float(sum(p @ p for p in parts))
+
+    def nearest(self, trials: Sequence[tuple[Vector, tuple[ActiveEffect, ...]]]) -> int:
+        """Position of the trial (theta, effects) with the least w @ w of all runs, the first of equals.
+
+        One that is beyond the best so far is left there, the runs that tell most per step first. Whatever was the best so
+        far when a thread looked, the least is never left.
+        """
+        steps = [self.problem.runs[i].steps for i in self.runs]
+
+        def energy(position: int, trial: tuple[Vector, tuple[ActiveEffect, ...]]) -> float:
+            w = self.run_residual(position, *trial)
+            return float(w @ w)
+
+        whole = [energy(i, trials[0]) for i in range(len(self.runs))]
+        order = sorted(range(len(self.runs)), key=lambda i: -whole[i] / steps[i])
+        best = [sum(whole[i] for i in order)]
+
+        def cost(trial: tuple[Vector, tuple[ActiveEffect, ...]]) -> float:
+            total = 0.0
+            for i in order:
+                total += energy(i, trial)
+                if total > best[0]:
+                    return math.inf
+            best[0] = min(best[0], total)
+            return total
+
+        return int(np.argmin([best[0], *self.map(cost, trials[1:])]))
 
     def residual(self, x: Vector, where: Coordinates) -> Vector:
         """w at ``x``, runs stacked, shape (n,)."""

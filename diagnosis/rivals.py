@@ -396,5 +396,4 @@ def _nearest(
     objective: Objective, theta: Vector, effects: tuple[ActiveEffect, ...], trials: Sequence[ActiveEffect]
 ) -> ActiveEffect:
     """The trial with which the data are best predicted as they stand."""
-    costs = objective.map(lambda active: objective.misfit(theta, (*effects, active)), trials)
-    return trials[int(np.argmin(costs))]
+    return trials[objective.nearest([(theta, (*effects, active)) for active in trials])]
