@@ -17,7 +17,7 @@ from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.containment import contains, holds, left_open, unowned
 from jointscope.diagnosis.effects import STRANGERS
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL, Comparison
-from jointscope.diagnosis.noise import Key
+from jointscope.diagnosis.noise import ANGULAR, Key
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import nested
 from jointscope.diagnosis.twins import foreknown
@@ -48,9 +48,7 @@ SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in fo
 FORESEEN = 4.0  # times an error's innovation, above which it is no noise
 MATTERS = 0.02  # of the signal's rms, below which an error's colour says nothing
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
-BY_FORM = (
-    0.001  # of a score: what a third effect adds, or is left and follows the input, is less than laws are off by
-)
+BY_FORM = 0.001  # of a score: what a third effect adds, or still follows the input, is less than laws are off by
 BY_FIRST = 1e-4  # the same of a second effect: the first one's law is right to a hundredth of its size at best
 LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
@@ -251,10 +249,11 @@ def foreseen(judgement: Judgement, fit: Adequacy) -> float:
     """Size of a channel's error over that of what its own past does not foretell, where the error matters [-].
 
     An instrument's noise is nearly as large as its innovation (1.7 times at most on 40 nulls); what a model leaves out
-    repeats itself from sample to sample.
+    repeats itself from sample to sample. So does an angle, which integrates whatever noise its torque has.
     """
     sizes, blocks = _error_sizes(fit), judgement.noise.blocks.items()
-    return max((n.marginal / n.sigma for key, n in blocks if sizes.get(key, 0.0) > MATTERS), default=0.0)
+    told = [n for key, n in blocks if key[2] not in ANGULAR and sizes.get(key, 0.0) > MATTERS]
+    return max((n.marginal / n.sigma for n in told), default=0.0)
 
 
 def _acts_elsewhere(judgement: Judgement, top: Ranked, fit: Adequacy) -> bool:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 FROM_ZERO = ("angle", "position")  # what is counted from its first samples
-AMPLIFIER = 0.004  # m/s^2 by which an accelerometer's zero may be off unseen: ten times that took a gain's own evidence
+AMPLIFIER = (
+    0.004  # m/s^2 that an accelerometer's zero may be off unseen; ten times that took a gain's own evidence
+)
 
 
 def zero_scatter(run: PreparedRun, noise: NoiseModel) -> dict[int, float]:

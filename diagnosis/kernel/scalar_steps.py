@@ -75,7 +75,8 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
             hyst, pre = S[HYST_KIND] != 0, S[PRE_SITE]
             mem[0] = windup_of_scalars(q_s, q, P, S)
             mem[8] = q_s if pre == AT_MOTOR else q
-        zs = np.zeros((6, MOST_BRANCHES))  # where the branches are, at the three later stages, after them; the sum of rates
+        # where the branches are, at the three later stages, after the step; the sum of their rates
+        zs = np.zeros((6, MOST_BRANCHES))
         spring, slow = np.zeros(MOST_BRANCHES), np.zeros(MOST_BRANCHES)
         z1, z2, z3, z4 = 0.0, 0.0, 0.0, 0.0
         if BRANCHES:

@@ -195,11 +195,13 @@ def test_a_set_must_beat_a_simpler_one_that_is_no_part_of_it_by_more_than_a_wron
 
 
 def test_an_error_that_its_own_past_foretells_is_no_noise():
-    block = SimpleNamespace(key="k", base=0.05**2)
-    judgement = SimpleNamespace(noise=SimpleNamespace(blocks={"k": SimpleNamespace(marginal=12.0, sigma=2.0)}))
-    assert verdict.foreseen(judgement, SimpleNamespace(blocks=[block])) == pytest.approx(6.0)
-    faint = SimpleNamespace(key="k", base=0.01**2)
-    assert verdict.foreseen(judgement, SimpleNamespace(blocks=[faint])) == 0.0
+    """But an angle's, which integrates what noise its torque has."""
+    key, angle = (("torque-sweep", False, quantity) for quantity in ("linear-acceleration", "angle"))
+    noise = SimpleNamespace(marginal=12.0, sigma=2.0)
+    judgement = SimpleNamespace(noise=SimpleNamespace(blocks={key: noise, angle: noise}))
+    for told, size, found in ((key, 0.05, 6.0), (key, 0.01, 0.0), (angle, 0.05, 0.0)):
+        block = SimpleNamespace(key=told, base=size**2)
+        assert verdict.foreseen(judgement, SimpleNamespace(blocks=[block])) == pytest.approx(found)
 
 
 def test_a_law_contains_another_at_its_own_place_only():

@@ -141,7 +141,10 @@ def test_the_scalar_kernels_and_the_full_one_are_one_model(numbers, switch, moto
         modes(S, switch)
     if S[k.N_BRANCH]:
         S[k.AT_BRANCH], S[k.N_X] = S[k.N_X], S[k.N_X] + S[k.N_BRANCH]
-        P[k.BRANCH_0 : k.BRANCH_0 + 10 : 2], P[k.BRANCH_0 + 1 : k.BRANCH_0 + 10 : 2] = 4e3, 1e-3 * 2.0 ** np.arange(5)
+        P[k.BRANCH_0 : k.BRANCH_0 + 10 : 2], P[k.BRANCH_0 + 1 : k.BRANCH_0 + 10 : 2] = (
+            4e3,
+            1e-3 * 2.0 ** np.arange(5),
+        )
     n, rate = 2048, 4096.0
     t = np.arange(2 * n + 1) / (2 * rate)
     um, ul = 30.0 * np.sin(2 * np.pi * 11.0 * t), 200.0 * np.exp(-(((t - 0.05) / 0.006) ** 2))
