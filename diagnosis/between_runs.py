@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.gates import AS_FORETOLD
+from jointscope.diagnosis.verdict import beyond
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -37,7 +40,6 @@ PARTS = 16  # of a run, the odd ones against the even
 FEWEST = 3  # runs that must show a departure each
 SURE = 5.0  # standard errors of a departure that shows
 CARRIED = 20.0  # nats that one half must foretell of the other
-AS_FORETOLD = 0.3  # of what it would explain if true
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,7 @@ def with_varying(decision: Decision, found: Sequence[Varying]) -> Decision:
     return replace(
         decision,
         verdict="unknown",
-        probability=ratio**2 / (1.0 + ratio**2),
+        probability=beyond(ratio),
         unknown_reason="outside-catalogue",
     )
 

@@ -278,21 +278,21 @@ def decide(judgement: Judgement) -> Decision:
             foreseen(judgement, fit) / FORESEEN,
         )
         if lack > 1.0:
-            return Decision("unknown", judgement.base, _beyond(lack), ranking, "outside-catalogue", (), fit)
-        sure = top.probability * _beyond(1.0 / max(lack, 1e-9))
+            return Decision("unknown", judgement.base, beyond(lack), ranking, "outside-catalogue", (), fit)
+        sure = top.probability * beyond(1.0 / max(lack, 1e-9))
         return Decision("none", judgement.base, sure, ranking, None, (), fit)
     if resembled(top.judged) is not None:
         return Decision("unknown", judgement.base, top.probability, ranking, "outside-catalogue", (), fit)
     if fit.explained < EXPLAINED and fit.model_left > MATERIAL_LEFT and not _acts_elsewhere(judgement, top, fit):
-        sure = _beyond(EXPLAINED / max(fit.explained, 0.05))
+        sure = beyond(EXPLAINED / max(fit.explained, 0.05))
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     if len(top.names) >= TOO_MANY:
-        return Decision("unknown", top.judged, _beyond(1.5), ranking, "outside-catalogue", (), fit)
+        return Decision("unknown", top.judged, beyond(1.5), ranking, "outside-catalogue", (), fit)
     followed = {b.key for b in fit.blocks if b.explained > NEARLY_ALL}
     growing = max((n.kappa for key, n in judgement.noise.blocks.items() if key not in followed), default=0.0)
     if growing > NOT_FOLLOWED and not fit.at_least > NEARLY_ALL:
         return Decision(
-            "unknown", top.judged, _beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit
+            "unknown", top.judged, beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit
         )
     near = [r for r in ranking if r.names and r.probability > top.probability * math.exp(-NEAR)]
     others = [
@@ -320,7 +320,7 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     most = max(r.gain for r in standing_out)
     if decision.verdict == "none":
         return replace(
-            decision, verdict="unknown", probability=_beyond(most / FOLLOWS), unknown_reason="outside-catalogue"
+            decision, verdict="unknown", probability=beyond(most / FOLLOWS), unknown_reason="outside-catalogue"
         )
     named = next(r.score for r in decision.ranking if r.judged is decision.chosen)
     if most < MORE_LEFT * named:
@@ -328,7 +328,7 @@ def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     return replace(
         decision,
         verdict="unknown",
-        probability=_beyond(most / (MORE_LEFT * named)),
+        probability=beyond(most / (MORE_LEFT * named)),
         unknown_reason="outside-catalogue",
     )
 
@@ -354,7 +354,7 @@ def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: 
     ratio = followed / (AS_MUCH_AS_NAMED * named)
     if ratio < 1.0:
         return decision
-    return replace(decision, verdict="unknown", probability=_beyond(ratio), unknown_reason="outside-catalogue")
+    return replace(decision, verdict="unknown", probability=beyond(ratio), unknown_reason="outside-catalogue")
 
 
 def with_changes(decision: Decision, found: Sequence[Change]) -> Decision:
@@ -364,7 +364,7 @@ def with_changes(decision: Decision, found: Sequence[Change]) -> Decision:
         return decision
     most = max(abs(c.relative) for c in standing_out)
     return replace(
-        decision, verdict="unknown", probability=_beyond(most / CHANGES), unknown_reason="outside-catalogue"
+        decision, verdict="unknown", probability=beyond(most / CHANGES), unknown_reason="outside-catalogue"
     )
 
 
@@ -387,13 +387,13 @@ def with_unknown_force(judgement: Judgement, decision: Decision, table: Judged) 
     if decision.verdict == "none":
         if against.gain < UNNAMED or against.material < UNHEARD:
             return decision
-        sure = _beyond(against.gain / UNNAMED)
+        sure = beyond(against.gain / UNNAMED)
         return replace(
             decision, verdict="unknown", chosen=table, probability=sure, unknown_reason="outside-catalogue"
         )
     return replace(decision, chosen=table)
 
 
-def _beyond(ratio: float) -> float:
+def beyond(ratio: float) -> float:
     """Belief from how far a figure lies beyond its limit: 1/2 at it, 0.9 at three times."""
     return ratio**2 / (1.0 + ratio**2)

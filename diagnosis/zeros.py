@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import PreparedRun
 
 FROM_ZERO = ("angle", "position")  # what is counted from its first samples
+LINEAR = ("linear-acceleration", "acceleration")
 AMPLIFIER = (
     0.004  # m/s^2 that an accelerometer's zero may be off unseen; ten times that took a gain's own evidence
 )
@@ -28,7 +29,7 @@ def zero_scatter(run: PreparedRun, noise: NoiseModel) -> dict[int, float]:
     for k, output in enumerate(run.outputs):
         if output.quantity in FROM_ZERO and output.mask.any():
             sizes[k] = max(quantum(output), noise.blocks[block_key(run, output)].marginal)
-        elif output.quantity == "linear-acceleration" and output.low_cutoff is None and output.mask.any():
+        elif output.quantity in LINEAR and output.mask.any() and output.low_cutoff is output.high_pass is None:
             sizes[k] = AMPLIFIER
     return sizes
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
-_BRANCHES = 5
+_BRANCHES = kernel.MOST_BRANCHES
 _SPACING = (
     4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
 )

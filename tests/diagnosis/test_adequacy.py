@@ -15,7 +15,7 @@ T = np.arange(5000) / RATE
 def repeat(data, drive):
     output = SimpleNamespace(
         quantity="linear-acceleration", location="arm", direction="tangential", radius=0.9, rate=RATE, step=None, data=data,
-        mask=np.ones(len(data), bool), low_cutoff=0.5,
+        mask=np.ones(len(data), bool), low_cutoff=0.5, high_pass=None,
     )  # fmt: skip
     motor = SimpleNamespace(samples=drive, signal=SimpleNamespace(rate=RATE, step=None))
     return SimpleNamespace(

@@ -19,7 +19,7 @@ def hit(data, rate=1000.0, quantity="linear-acceleration", low_cutoff=0.5):
     force[20:26] = 100.0
     output = SimpleNamespace(
         quantity=quantity, location="arm", direction="tangential", radius=0.9, rate=rate,
-        data=data, mask=np.ones(len(data), bool), low_cutoff=low_cutoff,
+        data=data, mask=np.ones(len(data), bool), low_cutoff=low_cutoff, high_pass=None,
     )  # fmt: skip
     run = SimpleNamespace(experiment="hammer", brake=True)
     return SimpleNamespace(
