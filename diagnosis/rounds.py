@@ -223,21 +223,23 @@ def _uncoupled(arena: Arena) -> Arena:
 
 
 def _with_strangers(
-    first: Arena, arena: Arena, outside: Sequence[EffectSpec], effort: Effort
+    arena: Arena, starts: Sequence[Arena], outside: Sequence[EffectSpec], effort: Effort
 ) -> tuple[Hypothesis, ...]:
     """All hypotheses, and what physics outside the contract's table does in place of the leading one.
 
-    Under the noise that the leader leaves the base is so far off that its hits' gains seem free, and a law fitted from it
-    runs away with the inertia; so each is also fitted under the noise that the search began with.
+    Under the noise that a leader leaves the base is so far off that its hits' gains seem free, and a law fitted from it
+    runs away with the inertia; so there each is also fitted under the noise that the search began with.
+
+    Args:
+        starts: Under whose noise, and from whose base, each is fitted.
     """
     if not arena.hypotheses or not outside:
         return arena.hypotheses
     leader = arena.hypotheses[0]
-    early = strangers(first.objective, first.base.fit, leader, outside, effort)
-    found = [
-        *strangers(arena.objective, arena.base.fit, leader, outside, effort),
-        *(_seen(arena.objective, h) for h in early),
-    ]
+    found: list[Hypothesis] = []
+    for start in starts:
+        fitted = strangers(start.objective, start.base.fit, leader, outside, effort)
+        found.extend(fitted if start is arena else (_seen(arena.objective, h) for h in fitted))
     return settled(arena, found, effort).hypotheses if found else arena.hypotheses
 
 
@@ -278,7 +280,7 @@ def explore(
     if softer:
         arena = settled(arena, softer, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, _with_strangers(first, _uncoupled(arena), outside, effort)
+        return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
     if _may_play(arena):
@@ -323,4 +325,5 @@ def explore(
                 break
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
-    return screening, _with_strangers(first, _uncoupled(arena), outside, effort)
+    arena = _uncoupled(arena)
+    return screening, _with_strangers(arena, (arena, first), outside, effort)

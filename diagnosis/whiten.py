@@ -288,7 +288,7 @@ def marginalised(
     gram = u.T @ u
     eigenvalues, vectors = np.linalg.eigh(gram)
     felt = eigenvalues > UNFELT
-    directions = u @ (vectors[:, felt] / np.sqrt(eigenvalues[felt]))
+    directions = np.asfortranarray(u @ (vectors[:, felt] / np.sqrt(eigenvalues[felt])))
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + eigenvalues[felt])
     if not is_hit(run):
         return RunWhitener(bare.filters, directions, shrink)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
 from pathlib import Path
 
@@ -64,9 +66,6 @@ def _free(name: str, taken: dict[str, Vector]) -> str:
 
 
 def _csv(table: dict[str, Vector]) -> str:
-    length = max((c.size for c in table.values()), default=0)
-    rows = [
-        ",".join(f"{c[i]:.7g}" if i < c.size and np.isfinite(c[i]) else "" for c in table.values())
-        for i in range(length)
-    ]
+    texts = [[f"{v:.7g}" if math.isfinite(v) else "" for v in column.tolist()] for column in table.values()]
+    rows = (",".join(row) for row in itertools.zip_longest(*texts, fillvalue=""))
     return "\n".join([",".join(table), *rows]) + "\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +19,14 @@ from jointscope.experiments.charts.svg import MOST_POINTS, thinned
 Corner = Literal["upper right", "upper left", "lower right", "lower left"]
 
 _INCH = 100.0  # px
+_WIDTH = 9.4  # inches
+_MARGINS = (
+    0.95,
+    0.15,
+    0.5,
+    0.3,
+)  # left, right, below, above every panel [inches]: a layout by text extents draws all twice
+_LETTER = 0.068  # inches of a label's letter
 _LEGEND = (0.3, 0.3)  # of the axes' width and height, that a legend may take
 
 
@@ -28,14 +37,32 @@ def write_png(chart: Chart, path: Path) -> Path:
         max(p.height for p in chart.panels[r * chart.columns : (r + 1) * chart.columns]) for r in range(rows)
     ]
     with plot_style.style():
-        figure = Figure(figsize=(9.4, sum(heights) / _INCH + 0.3), layout="constrained")
-        axes = figure.subplots(rows, chart.columns, squeeze=False, height_ratios=heights)
+        figure = Figure(figsize=(_WIDTH, sum(heights) / _INCH + 0.3))
+        axes = figure.subplots(
+            rows, chart.columns, squeeze=False, height_ratios=heights, gridspec_kw=_room(rows, chart, figure)
+        )
         for place, ax in enumerate(axes.ravel()):
             if place < len(chart.panels):
                 _draw(ax, chart.panels[place])
             else:
                 ax.set_visible(False)
         return plot_style.save(figure, path)
+
+
+def _room(rows: int, chart: Chart, figure: Figure) -> dict[str, float]:
+    """Where the panels of a grid stand, as shares of the figure, and the room between them as shares of a mean panel."""
+    width, height = figure.get_size_inches()
+    left, right, below, above = _MARGINS
+    across = (width - chart.columns * (left + right)) / chart.columns
+    down = (height - rows * (below + above)) / rows
+    return {
+        "left": left / width,
+        "right": 1.0 - right / width,
+        "bottom": below / height,
+        "top": 1.0 - above / height,
+        "wspace": (left + right) / across,
+        "hspace": (below + above) / down,
+    }
 
 
 def _draw(ax: Axes, panel: Panel) -> None:
@@ -54,7 +81,8 @@ def _draw(ax: Axes, panel: Panel) -> None:
     x, y = domain(panel)
     ax.set_xlim(*(10.0 ** np.array(x) if panel.x_log else x))
     ax.set_ylim(*(10.0 ** np.array(y) if panel.y_log else y))
-    ax.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
+    letters = int((panel.height / _INCH - _MARGINS[2] - _MARGINS[3]) / _LETTER)
+    ax.set(title=panel.title, xlabel=panel.x_label, ylabel=textwrap.fill(panel.y_label, max(letters, 16)))
     if 1 < len(panel.series) <= 8 or panel.spans:
         ax.legend(fontsize=7, loc=emptiest_corner(ax, panel))  # "best" weighs every point against every place
 
