@@ -30,23 +30,25 @@ STEP = 1.25  # from one frequency of the path to the next
 LOWEST = 8.0  # Hz
 HOPELESS = 10.0  # times the base's misfit, beyond which a softer joint is not asked for
 ALONG = (3, 8)  # steps and simulations per frequency of the path
-FREED = 2  # minima of the path that are freed
+FREED = 2  # minima of the paths that are freed
 FREE = (30, 100)  # steps and simulations then: modes of neighbouring joints are told apart by converged fits only
 
 
 def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
     """Every mode of a frequency of its own that explains anything beside ``base``, fitted."""
-    first: dict[str, ActiveEffect] = {}
+    shapes: dict[str, dict[tuple[float, ...], ActiveEffect]] = {}
     for active in candidates:
         if active.spec.of_own_frequency:
-            first.setdefault(name_of(active.spec), active)
+            at = active.spec.amplitude
+            shape = (*active.values[:at], *active.values[at + 1 :])
+            shapes.setdefault(name_of(active.spec), {}).setdefault(shape, active)
     found = []
-    for active in first.values():
-        path = _path(objective, base, active)
-        fits = [_freed(objective, start) for start in _minima(path)[:FREED]]
-        best = min(fits, key=lambda fit: fit.chi2)
+    for of_name in shapes.values():
+        starts = [start for active in of_name.values() for start in _minima(_path(objective, base, active))[:FREED]]
+        freed = [_freed(objective, start) for start in sorted(starts, key=lambda fit: fit.chi2)[:FREED]]
+        best = min(freed, key=lambda fit: fit.chi2)
         if best.chi2 < base.chi2:
-            found.append(Hypothesis((active.spec,), best, profile_loss(objective, best.w)))
+            found.append(Hypothesis(best.coordinates.effects, best, profile_loss(objective, best.w)))
     return found
 
 

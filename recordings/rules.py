@@ -37,7 +37,13 @@ TRANSLATIONAL_PLACES: Final[dict[str, tuple[str, ...]]] = {
     "velocity": ("load", "motor"),
     "acceleration": ("load", "motor", "base"),
     "frf": ("load", "motor"),
+    # a motor that turns a screw or a pinion: n is its angle per metre
+    "torque": ("motor",),
+    "angle": ("motor",),
+    "angular-velocity": ("motor",),
+    "angular-acceleration": ("motor",),
 }
+_TURNING: Final = ("torque", "angle", "angular-velocity", "angular-acceleration")
 _KEYS_OF: Final[dict[str, tuple[str, ...]]] = {
     "direction": ("linear-acceleration",),
     "side": ("torque",),
@@ -184,6 +190,8 @@ def _check_channel(channel: Table, rig: Table, file: Path, where: str) -> None:
             file, f"{where}.location", f"{quantity} is not measured there", value=location,
             fix=f"{' | '.join(places[quantity])}",
         )  # fmt: skip
+    if rig["motion"] == "translational" and quantity in _TURNING:
+        _check_screw(channel, rig, file, where)
     _check_unit(channel, file, where, quantity, unit)
     for key, quantities in _KEYS_OF.items():
         if key in channel and quantity not in quantities:
@@ -221,6 +229,20 @@ def _check_channel(channel: Table, rig: Table, file: Path, where: str) -> None:
         )
     if "point" in channel and "body" not in channel:
         raise CampaignError(file, f"{where}.body", "missing", fix="a point is given in the frame of a body")
+
+
+def _check_screw(channel: Table, rig: Table, file: Path, where: str) -> None:
+    """What turns on a rig that slides is a motor's shaft, a known angle to the metre."""
+    if "reduction_ratio" not in rig:
+        raise CampaignError(
+            file, f"{where}.quantity", "needs the motor's angle per metre", value=channel["quantity"],
+            fix="give rig.reduction_ratio [rad/m], or the channel as a force or position of the slide",
+        )  # fmt: skip
+    if channel.get("side") == "output":
+        raise CampaignError(
+            file, f"{where}.side", "the output of a translational rig slides", value="output",
+            fix="quantity = 'force' for what acts on the slide",
+        )  # fmt: skip
 
 
 def _check_unit(channel: Table, file: Path, where: str, quantity: Quantity, unit: str) -> None:

@@ -6,6 +6,7 @@ output:
     motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
     transmission  T_S = K dz(Delta, gap) ; K Delta + k_3 Delta^3 ; K Delta - a K w tanh(Delta/w)
     neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
+    base          the whole arm on its mount, a joint more at the root: K = M_00 (2 pi f)^2
     motor         n T_e times gain; n T_e behind a first-order lag
 """
 
@@ -18,11 +19,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from jointscope.diagnosis.arm import kernel
+from jointscope.diagnosis.arm.plant import Mount
+from jointscope.diagnosis.arm.problem import ArmProblem
+from jointscope.diagnosis.effects import catalogue
 from jointscope.diagnosis.effects.spec import EffectSpec, Family, Location, ParameterSpec, Values, one_start
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.predict import ArmAssembly
-    from jointscope.diagnosis.arm.problem import ArmProblem
 
 Put = Callable[["ArmAssembly", Values], None]
 SEPARATOR = ":"
@@ -34,6 +37,7 @@ TRIED = (
     55.0,
     90.0,
 )  # Hz at which a neighbour's flexibility is screened: its shape changes with it
+DEPTHS = (0.0, 0.3)  # m of a mount's axis under the arm's origin, tried
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
 
 
@@ -210,6 +214,38 @@ def _neighbour(problem: ArmProblem, j: int) -> list[EffectSpec]:
     ]
 
 
+def _mount(problem: ArmProblem) -> list[EffectSpec]:
+    mass = problem.arm_runs[0].plant.mass[0][-2:, -2:]
+
+    def put(assembly: ArmAssembly, values: Values) -> None:
+        frequency, ratio, depth, heavier = values
+        if not math.isfinite(frequency):
+            return
+        lever = np.array([1.0, depth])
+        inertia = float(lever @ mass @ lever) * (1.0 + heavier)
+        K = inertia * (2.0 * math.pi * frequency) ** 2
+        assembly.mount = Mount(depth, heavier)
+        assembly.P[-1, kernel.STIFFNESS] = K
+        assembly.P[-1, kernel.DAMPING] = 2.0 * ratio * math.sqrt(K * inertia)
+
+    return [
+        _spec(
+            "base-compliance", "base", None, f"mount, from {tried:g} Hz", "mode",
+            (
+                ParameterSpec("frequency", "Hz", 2.0, HIGHEST, log=True, null=math.inf),
+                ParameterSpec("damping", "1", 0.002, 0.5, log=True),
+                ParameterSpec("depth", "m", -2.0, 2.0),
+                ParameterSpec("mount_inertia", "1", 0.0, 20.0),
+            ),
+            put,
+            "the arm, its joints rigid, turns at f about an axis under its origin; the mount's inertia over the arm's",
+            (2.0 * tried, tried, 0.6 * tried), tuple((0.03, depth, 0.3) for depth in DEPTHS),
+            ("hammer", "torque-sweep", "speed-motion"), ("neighbour-flexibility",),
+        )
+        for tried in TRIED
+    ]  # fmt: skip
+
+
 def _drive(problem: ArmProblem, j: int) -> list[EffectSpec]:
     joint = problem.facts.joints[j]
 
@@ -264,6 +300,7 @@ def _recorder(problem: ArmProblem) -> list[EffectSpec]:
     return found
 
 
+@catalogue.register(ArmProblem)
 def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
     """Every law at every joint that these recordings can show it at."""
     found: list[EffectSpec] = []
@@ -278,4 +315,4 @@ def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
             found.extend(_neighbour(problem, int(j)))
         if any(r.driven == j for r in runs):
             found.extend(_drive(problem, int(j)))
-    return (*found, *_recorder(problem))
+    return (*found, *_mount(problem), *_recorder(problem))

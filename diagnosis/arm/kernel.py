@@ -3,7 +3,7 @@ r"""All joints of an arm stepped at once: links, rotors, reducers, dry friction;
 ``travel`` steps motion along a path by Runge-Kutta of fourth order, ``shake`` small motion about rest by the exact
 transition of its linear part. Both obey
 
-    M(p) q'' + p' D (q' - e_k p'/2) + g + K_g y = T_S + J_hit' F          links
+    M(p) q'' + p' D (q' - e_k p'/2) + b_l q' + g + K_g y = T_S + J_hit' F  links
     J_M s'' + b_m s' + F_dry(s') = tau - T_S                               rotors that are not braked
     T_S = spring(s - y) + c' (s' - y')
     tau = tau_0 + k_p (s_0 - s) - k_v s'                                   held by a drive
@@ -24,9 +24,9 @@ from numba import njit
 
 (
     STIFFNESS, DAMPING, ROTOR_INERTIA, ROTOR_DAMPING, DRIVE_STIFFNESS, DRIVE_DAMPING, COULOMB, BREAKAWAY,
-    STRIBECK_SPEED, GAP, GAP_DAMPING, CUBIC, SOFT_SHARE, SOFT_WIDTH, REST_TORQUE, REST_WIND_UP,
-) = range(16)  # fmt: skip
-COLUMNS = 16  # of a joint's row
+    STRIBECK_SPEED, GAP, GAP_DAMPING, CUBIC, SOFT_SHARE, SOFT_WIDTH, REST_TORQUE, REST_WIND_UP, LINK_DAMPING,
+) = range(17)  # fmt: skip
+COLUMNS = 17  # of a joint's row
 
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
 
@@ -77,7 +77,7 @@ def _rates(
         p = P[i]
         s, v = x[2 * m + i], x[3 * m + i]
         transmitted = reducer_torque(s - x[i], v - x[m + i], p)
-        total = transmitted + hit[i] * force - gravity[i]
+        total = transmitted + hit[i] * force - gravity[i] - p[LINK_DAMPING] * x[m + i]
         for j in range(m):
             if j != k:
                 total -= slope[i, j] * x[j] + pace * product[i, j] * x[m + j]

@@ -27,8 +27,8 @@ from jointscope.models.arm.holding import Probe
 from jointscope.models.arm.reference import Reference
 
 Vector = NDArray[np.float64]
-Mask = tuple[bool, ...]
 
+KEPT = 64  # reduced tables
 SPACING = 0.02  # rad between nodes: linear interpolation errs by 5e-5 of a unit swing
 
 
@@ -58,14 +58,31 @@ class Reduced:
     moving: int
 
 
+@dataclass(frozen=True)
+class Mount:
+    """How an arm's mount gives way.
+
+    Attributes:
+        depth: Of the axis about which it turns, under the arm's origin [m].
+        heavier: Its own inertia over that of the arm about the same axis [-].
+    """
+
+    depth: float
+    heavier: float
+
+
+Key = tuple[tuple[bool, ...], tuple[float, ...], Mount | None]
+
+
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """The whole arm's table; see :class:`Reduced` for the symbols, n joints.
+    """The whole arm's table; see :class:`Reduced` for the symbols, n joints and the two ways its mount gives way.
 
     Attributes:
         low, step: First node and spacing of p [rad], counted from the posture.
         moving: k, or -1.
-        mass: M, shape (N, n, n).
+        mass: M, shape (N, n + 2, n + 2).
+        shares: What each link's own inertia gives to M, shape (N, n + 2, n + 2, n + 2), link second.
     """
 
     low: float
@@ -80,33 +97,60 @@ class Plant:
     bias: Vector
     static: Vector
     hit: Vector
-    _cache: dict[Mask, Reduced] = field(default_factory=dict, repr=False)
+    shares: Vector
+    _cache: dict[Key, Reduced] = field(default_factory=dict, repr=False)
 
-    def reduced(self, mask: NDArray[np.bool_]) -> Reduced:
-        """The same with only the joints of ``mask`` moving, the others rigid at the posture."""
-        key = tuple(bool(m) for m in mask)
-        if key not in self._cache:
-            j = np.flatnonzero(mask)
-            square = np.ix_(np.arange(self.mass.shape[0]), j, j)
-            rows = (slice(None), slice(None), j)
+    def reduced(self, mask: NDArray[np.bool_], inertia: Vector, mount: Mount | None) -> Reduced:
+        """The same with only the joints of ``mask`` moving, the others rigid at the posture.
 
-            def tight(x: Vector) -> Vector:
-                return np.ascontiguousarray(x, dtype=np.float64)
+        Args:
+            mask: Shape (n,).
+            inertia: Of each link, as a multiple of what the file says of it, shape (n,); its weight is as in the file.
+            mount: How the arm moves on its mount, as the last joint; ``None``: it does not.
+        """
+        key = (tuple(bool(m) for m in mask), tuple(inertia), mount)
+        found = self._cache.get(key)
+        if found is None:
+            found = self._reduced(mask, inertia, mount)
+            if len(self._cache) > KEPT:
+                self._cache.clear()
+            self._cache[key] = found
+        return found
 
-            self._cache[key] = Reduced(
-                j,
-                tight(np.asarray(np.linalg.inv(self.mass[square]), dtype=np.float64)),
-                tight(self.gravity[:, j]),
-                tight(self.slope[square]),
-                tight(self.product[square]),
-                tight(self.motion[rows]),
-                tight(self.tilt[rows]),
-                tight(self.bias[rows]),
-                tight(self.static),
-                tight(self.hit[j]),
-                int(np.flatnonzero(j == self.moving)[0]) if self.moving in j else -1,
-            )
-        return self._cache[key]
+    def _reduced(self, mask: NDArray[np.bool_], inertia: Vector, mount: Mount | None) -> Reduced:
+        n, j = len(mask), np.flatnonzero(mask)
+        columns = np.eye(self.mass.shape[1])[:, j]
+        mass, more = self.mass, np.flatnonzero(inertia != 1.0)
+        if more.size:
+            mass = mass + np.einsum("i,nijk->njk", inertia[more] - 1.0, self.shares[:, more])
+        moving = int(np.flatnonzero(j == self.moving)[0]) if self.moving in j else -1
+        if mount is not None:
+            together = np.zeros((self.mass.shape[1], 1))
+            together[n:, 0] = 1.0, mount.depth
+            columns, j = np.concatenate([columns, together], axis=1), np.append(j, n)
+
+        def both(x: Vector) -> Vector:
+            return np.ascontiguousarray(columns.T @ x @ columns, dtype=np.float64)
+
+        def right(x: Vector) -> Vector:
+            return np.ascontiguousarray(x @ columns, dtype=np.float64)
+
+        small = both(mass)
+        if mount is not None:
+            small[:, -1, -1] *= 1.0 + mount.heavier
+        return Reduced(
+            j,
+            np.ascontiguousarray(np.linalg.inv(small)),
+            right(self.gravity),
+            both(self.slope),
+            both(self.product),
+            right(self.motion),
+            right(self.tilt),
+            right(self.bias),
+            np.ascontiguousarray(self.static),
+            right(self.hit),
+            moving,
+        )
 
 
 def arm_plant(
@@ -147,6 +191,7 @@ def arm_plant(
         bias=bias,
         static=static.reshape(shape[:2]),
         hit=np.zeros(n) if hit is None else reference.rows(posture, hit)[0],
+        shares=np.array([reference.shares(place) for place in places]),
     )
 
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy import signal as dsp
 
 from jointscope.diagnosis.arm import kernel
-from jointscope.diagnosis.arm.problem import PER_JOINT, ArmProblem, ArmRun
+from jointscope.diagnosis.arm.problem import ArmProblem, ArmRun
 from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.arm.plant import Reduced
+    from jointscope.diagnosis.arm.plant import Mount, Reduced
     from jointscope.diagnosis.effects.spec import ActiveEffect
     from jointscope.diagnosis.objective import Predict
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
@@ -30,7 +30,7 @@ TIE_RATIO = OBSERVER_ZETA
 ROWS = {
     "stiffness": kernel.STIFFNESS, "damping": kernel.DAMPING, "rotor_inertia": kernel.ROTOR_INERTIA,
     "motor_damping": kernel.ROTOR_DAMPING, "drive_stiffness": kernel.DRIVE_STIFFNESS,
-    "drive_damping": kernel.DRIVE_DAMPING,
+    "drive_damping": kernel.DRIVE_DAMPING, "load_damping": kernel.LINK_DAMPING,
 }  # fmt: skip
 
 
@@ -39,8 +39,10 @@ class ArmAssembly:
     """One run's model while effects are put into it.
 
     Attributes:
-        P: Joints' rows, shape (n, kernel.COLUMNS).
+        P: Joints' rows and the mount's, shape (n + 1, kernel.COLUMNS).
         elastic: Which reducers are springs, shape (n,).
+        inertia: Of each link, as a multiple of what the file says of it, shape (n,).
+        mount: How the mount gives way, if it does.
         gain: Factor on the motor's torque.
         lag: Of the motor's torque behind the log [s].
         offset: Added to the motor's torque [N m].
@@ -52,6 +54,8 @@ class ArmAssembly:
     problem: ArmProblem
     P: Vector
     elastic: NDArray[np.bool_]
+    inertia: Vector
+    mount: Mount | None = None
     gain: float = 1.0
     lag: float = 0.0
     offset: float = 0.0
@@ -63,11 +67,13 @@ class ArmAssembly:
 def assembled(run: ArmRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: ArmProblem) -> ArmAssembly:
     """The run's model with ``effects`` in it."""
     n = len(problem.facts.joints)
-    P = np.zeros((n, kernel.COLUMNS))
-    for position, name in enumerate(PER_JOINT):
-        P[:, ROWS[name]] = theta[position * n : (position + 1) * n]
+    P = np.zeros((n + 1, kernel.COLUMNS))
+    for name, column in ROWS.items():
+        P[:n, column] = theta[problem.place(name, 0) :][:n]
     P[:, kernel.STRIBECK_SPEED] = P[:, kernel.SOFT_WIDTH] = 1.0
-    assembly = ArmAssembly(run, problem, P, problem.mask(run), offset=float(theta[problem.offset_place]))
+    assembly = ArmAssembly(
+        run, problem, P, problem.mask(run), problem.inertia(theta), offset=float(theta[problem.offset_place])
+    )
     for effect in effects:
         effect.apply(cast("object", assembly))  # type: ignore[arg-type]
     return assembly
@@ -89,7 +95,7 @@ class Motion:
 def moved(assembly: ArmAssembly, *, tied: bool = True) -> Motion:
     """Step one run; ``tied`` to the recorded motor angle, else loosely to the commanded path. Diverged: not finite."""
     run, plant = assembly.run, assembly.run.plant
-    table = plant.reduced(assembly.elastic)
+    table = plant.reduced(assembly.elastic, assembly.inertia, assembly.mount)
     P, kinds, x = rest_state(assembly, table)
     omega = 2.0 * math.pi * (TIE_HZ if tied else LOOSE_HZ)
     torque = _motor_torque(assembly)
@@ -142,7 +148,7 @@ def rest_state(assembly: ArmAssembly, table: Reduced) -> tuple[Vector, NDArray[n
     m = len(j)
     x = np.zeros(4 * m)
     x[2 * m : 3 * m] = P[:, kernel.REST_WIND_UP]
-    return P, assembly.run.kinds[j], x
+    return P, np.append(assembly.run.kinds, kernel.BRAKED)[j], x
 
 
 def _wind_up(row: Vector) -> float:

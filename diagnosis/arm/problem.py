@@ -21,6 +21,8 @@ PER_JOINT = (
     "motor_damping",
     "drive_stiffness",
     "drive_damping",
+    "link_inertia",
+    "load_damping",
 )  # theta holds each of these for every joint, then COMMON
 COMMON = ("torque_offset", "load_inertia", "efficiency", "torque_scale")
 # the last three are fixed: by them the noise of a torque log is told from the sensors' own, as for a single joint
@@ -73,6 +75,7 @@ class ArmProblem(Problem):
         wind_up: Peak dynamic wind-up of each reducer [rad], shape (n,).
         torque: Peak dynamic torque of each reducer [N m], shape (n,).
         locked_inertia: M_jj at the first run's posture [kg m^2], shape (n,).
+        carried: Whose ``link_inertia`` each link goes by, shape (n,); -1: as the file has it.
     """
 
     facts: ArmFacts
@@ -83,6 +86,7 @@ class ArmProblem(Problem):
     wind_up: Vector
     torque: Vector
     locked_inertia: Vector
+    carried: NDArray[np.int_]
 
     @property
     def arm_runs(self) -> tuple[ArmRun, ...]:
@@ -96,6 +100,11 @@ class ArmProblem(Problem):
     def place(self, name: str, joint: int) -> int:
         """Position in theta of a joint's own parameter."""
         return PER_JOINT.index(name) * len(self.facts.joints) + joint
+
+    def inertia(self, theta: Vector) -> Vector:
+        """Of each link, as a multiple of what the file says of it, shape (n,)."""
+        own = theta[self.place("link_inertia", 0) :][: len(self.carried)]
+        return np.where(self.carried < 0, 1.0, own[np.maximum(self.carried, 0)])
 
     @property
     def offset_place(self) -> int:

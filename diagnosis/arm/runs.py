@@ -71,7 +71,7 @@ def arm_run(run: Run, rig: Nameplate, facts: ArmFacts, index: int) -> tuple[ArmR
         path, path_rate = commanded, commanded_rate
     travel = (min(0.0, float(path.min())), max(0.0, float(path.max())))
     far = travel[1] - travel[0] > FAR and torque is not None
-    reference = facts.reference
+    reference = facts.mounted
     if run.payload_mass:
         com = run.payload_com or (0.0, 0.0, 0.0)
         reference = loaded(reference, 1.0, Payload(mass=run.payload_mass, com=com))

@@ -61,6 +61,7 @@ def small_motion(
     reads = np.zeros((m, size))
     for i in range(m):
         reads[i, i] = -1.0
+        C[i, i] = P[i, kernel.LINK_DAMPING]
     for r, k in enumerate(turning):
         reads[k, m + r] = 1.0
         inverse[m + r, m + r] = 1.0 / P[k, kernel.ROTOR_INERTIA]

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import partial, singledispatch
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.effects import (
@@ -80,8 +80,12 @@ STRANGERS: tuple[EffectSpec, ...] = strangers.SPECS
 _TRANSLATIONAL = (("kg m^2", "kg"), ("N m", "N"), ("rad", "m"))
 
 
+@singledispatch
 def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
-    """``REGISTRY``, and the laws of each accelerometer of several, with the bounds and units of the rig at hand."""
+    """``REGISTRY``, and the laws of each accelerometer of several, with the bounds and units of the rig at hand.
+
+    An arm of several joints has a catalogue of its own (``arm.effects``).
+    """
     return tuple(at_rig(spec, problem) for spec in (*REGISTRY, *one_sensor.one_sensor_laws(problem)))
 
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -70,6 +71,20 @@ class Reference:
         M = self.mass_matrix(posture)
         return np.array([1.0 / np.linalg.inv(M[k:, k:])[0, 0] for k in range(M.shape[0])])
 
+    def shares(self, posture: Mapping[str, float]) -> Real:
+        """What each link's own inertia gives to M(q) [kg m^2], shape (n, n, n), link first; their sum is M."""
+        found = []
+        for dof in self.dofs:
+            alone = self.model.copy()
+            for k in range(1, alone.njoints):
+                joint = alone.joints[k]
+                if not joint.idx_v <= dof < joint.idx_v + joint.nv:
+                    alone.inertias[k] = pin.Inertia.Zero()
+            full = np.asarray(pin.crba(alone, alone.createData(), self._configuration(posture)))
+            rigid = full - np.diag(np.asarray(self.model.armature))
+            found.append(rigid[np.ix_(self.dofs, self.dofs)])
+        return np.array(found)
+
     def rows(self, posture: Mapping[str, float], probe: Probe) -> tuple[Real, Real]:
         """How a point moves along its axis with the links.
 
@@ -99,21 +114,63 @@ class Reference:
         return np.asarray(pin.integrate(self.model, pin.neutral(self.model), angles))
 
 
+    def axis(self, posture: Mapping[str, float], joint: str) -> Real:
+        """Axis of a link joint in the world's directions, shape (3,)."""
+        dof = int(self.dofs[self.joints.index(joint)])
+        data = self.model.createData()
+        pin.computeJointJacobians(self.model, data, self._configuration(posture))
+        return np.asarray(data.J)[3:, dof].copy()
+
+
+MOUNT = ("mount_turn", "mount_slide")  # what the whole arm does on its mount
+
+
 def arm_reference(arm: ElasticArm) -> Reference:
     """Pinocchio's reading of the elastic arm's own MJCF."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "arm.xml"
-        path.write_text(_bare(arm.xml), encoding="utf-8")
-        model = pin.buildModelFromMJCF(str(path))
     compiled = arm.spec.compile()
-    model.gravity.linear = np.array(compiled.opt.gravity)
-    if model.nv != compiled.nv:
-        raise JointscopeError(
-            f"Pinocchio sees {model.nv} degrees of freedom where MuJoCo sees {compiled.nv}; "
-            "give the model one root body and hinges only"
-        )
+    model = _read(_bare(arm.xml), compiled, 0)
     dofs = np.array([int(compiled.joint(name).dofadr[0]) for name in arm.reducers])
     return Reference(model, arm.rotors, dofs)
+
+
+def mounted_reference(arm: ElasticArm, turn: Real, slide: Real) -> Reference:
+    """The same on a mount that turns about ``turn`` through the origin and slides along ``slide``, its last two joints."""
+    compiled = arm.spec.compile()
+    model = _read(_on_mount(_bare(arm.xml), turn, slide), compiled, len(MOUNT))
+    dofs = [int(compiled.joint(name).dofadr[0]) + len(MOUNT) for name in arm.reducers]
+    return Reference(model, (*arm.rotors, *MOUNT), np.array([*dofs, 1, 0]))
+
+
+def _on_mount(mjcf: str, turn: Real, slide: Real) -> str:
+    root = ElementTree.fromstring(mjcf)
+    world = root.find("worldbody")
+    if world is None:
+        raise JointscopeError("the arm's model has no worldbody")
+    bodies = world.findall("body")
+    inside = world
+    for name, kind, axis in ((MOUNT[1], "slide", slide), (MOUNT[0], "hinge", turn)):
+        inside = ElementTree.SubElement(inside, "body", name=f"{name}_body")
+        ElementTree.SubElement(inside, "inertial", pos="0 0 0", mass="1e-9", diaginertia="1e-9 1e-9 1e-9")
+        line = " ".join(repr(float(x)) for x in axis)
+        ElementTree.SubElement(inside, "joint", name=name, type=kind, axis=line, armature="0")
+    for body in bodies:
+        world.remove(body)
+        inside.append(body)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _read(mjcf: str, compiled: mujoco.MjModel, more: int) -> pin.Model:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "arm.xml"
+        path.write_text(mjcf, encoding="utf-8")
+        model = pin.buildModelFromMJCF(str(path))
+    model.gravity.linear = np.array(compiled.opt.gravity)
+    if model.nv != compiled.nv + more:
+        raise JointscopeError(
+            f"Pinocchio sees {model.nv - more} degrees of freedom where MuJoCo sees {compiled.nv}; "
+            "give the model one root body and hinges only"
+        )
+    return model
 
 
 def _bare(mjcf: str) -> str:
