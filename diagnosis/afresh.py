@@ -121,17 +121,18 @@ def _under_its_own_noise(stage: Stage, spec: EffectSpec) -> Fit:
     problem, own, noise = stage.objective.problem, stage.objective, stage.noise
     where = coordinates(problem, (spec,))
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
-    names = problem.base.names
-    inertia = names.index("load_inertia")
-    dynamic = [names.index("stiffness"), names.index("damping"), inertia]
-    step = spec.scale(problem)[1] / theta[inertia]
+    names, of = problem.base.names, problem.own
+    inertia = names.index(of.inertia)
+    dynamic = [names.index(of.stiffness), names.index(of.damping), inertia]
+    carried = float(theta[inertia]) * of.unit
+    step = spec.scale(problem)[1] / carried
 
     def start(grid: tuple[float, float]) -> tuple[Vector, ActiveEffect]:
         level, lies = grid
         moved = theta.copy()
         moved[inertia] *= 1.0 - lies * step
         moved[dynamic] *= level
-        return moved, ActiveEffect(spec, (level * step * theta[inertia], *spec.starts(problem)[0]))
+        return moved, ActiveEffect(spec, (level * step * carried, *spec.starts(problem)[0]))
 
     grid = list(itertools.product(LEVELS, LIES))
     starts = [(base, (active,)) for base, active in map(start, grid)]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, of_further_runs
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, with_run_weights
+from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, payloads, with_run_weights
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.refit import Fit, least_squares
 
@@ -261,13 +261,14 @@ def _parted(inertia: Vector, errors: Vector, these: NDArray[np.bool_]) -> _Parte
 
 
 def _payloads(stage: Stage, problem: Problem, everything: Objective) -> tuple[EffectSpec, ...]:
-    laws = [spec for spec in PAYLOADS if spec.possible(problem) is None]
-    found = loaded(problem, *run_steps(stage, "load_inertia", everything))
+    laws = [spec for spec in payloads(problem) if spec.possible(problem) is None]
+    own = problem.own
+    found = loaded(problem, *run_steps(stage, own.inertia, everything))
     if found is None:
         return ()
     members = found.members
     theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
-    size = found.step * float(theta[problem.base.names.index("load_inertia")])
+    size = found.step * float(theta[problem.base.names.index(own.inertia)]) * own.unit
     fullest = laws[-1]
     for _ in range(ASKED):
         asked = _who_carries(stage, everything, with_run_weights(fullest, _weights(members), problem), size)
@@ -341,13 +342,13 @@ def _whole_experiments(
 def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
     """Payload and drift from run to run, where the runs' own estimates suggest them."""
     free = {problem.base.names[i] for i in np.flatnonzero(problem.base.free)}
-    payloads = "load_inertia" in free and any(spec.possible(problem) is None for spec in PAYLOADS)
+    carried = problem.own.inertia in free and any(spec.possible(problem) is None for spec in payloads(problem))
     drifts = "stiffness" in free and DRIFT_PER_RUN.possible(problem) is None
-    if not payloads and not drifts:
+    if not carried and not drifts:
         return ()
     everything = _all_runs(stage)
     found: list[EffectSpec] = []
-    if payloads:
+    if carried:
         found.extend(_payloads(stage, problem, everything))
     if drifts:
         stiffness, errors = run_steps(stage, "stiffness", everything)

@@ -255,6 +255,21 @@ class Scales:
     duration: float
 
 
+@dataclass(frozen=True)
+class Own:
+    """The base parameters of the joint that the recordings are about.
+
+    Attributes:
+        stiffness, damping, inertia: Their names.
+        unit: kg m^2 (or kg) to one of ``inertia``.
+    """
+
+    stiffness: str
+    damping: str
+    inertia: str
+    unit: float = 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Everything that inference needs.
@@ -274,6 +289,11 @@ class Problem:
     scales: Scales
     torque_calibrated: bool = True
     findings: tuple[str, ...] = ()
+
+    @property
+    def own(self) -> Own:
+        """Which parameters are the joint's own."""
+        return Own("stiffness", "damping", "load_inertia")
 
     def theta(self, **values: float) -> Vector:
         """The start vector with some parameters replaced by name, shape (n_theta,)."""

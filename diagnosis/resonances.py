@@ -31,7 +31,7 @@ LOWEST = 8.0  # Hz
 HOPELESS = 10.0  # times the base's misfit, beyond which a softer joint is not asked for
 ALONG = (3, 8)  # steps and simulations per frequency of the path
 FREED = 2  # minima of the paths that are freed
-FREE = (30, 100)  # steps and simulations then: modes of neighbouring joints are told apart by converged fits only
+FREE = (60, 250)  # steps and simulations then: modes of neighbouring joints are told apart by converged fits only
 
 
 def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
@@ -44,7 +44,9 @@ def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffec
             shapes.setdefault(name_of(active.spec), {}).setdefault(shape, active)
     found = []
     for of_name in shapes.values():
-        starts = [start for active in of_name.values() for start in _minima(_path(objective, base, active))[:FREED]]
+        starts = [
+            start for active in of_name.values() for start in _minima(_path(objective, base, active))[:FREED]
+        ]
         freed = [_freed(objective, start) for start in sorted(starts, key=lambda fit: fit.chi2)[:FREED]]
         best = min(freed, key=lambda fit: fit.chi2)
         if best.chi2 < base.chi2:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 UNITS = {
     "stiffness": "N m/rad", "damping": "N m s/rad", "rotor_inertia": "kg m^2", "motor_damping": "N m s/rad",
-    "drive_stiffness": "N m/rad", "drive_damping": "N m s/rad", "link_inertia": "1",
+    "drive_stiffness": "N m/rad", "drive_damping": "N m s/rad", "link_inertia": "1", "link_mass": "1",
     "load_damping": "N m s/rad",
 }  # fmt: skip
 SHIFTED = 3.0  # sigma beyond which a stated value is said to have been off

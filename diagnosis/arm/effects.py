@@ -4,6 +4,7 @@ An effect's location carries its joint, ``transmission:elbow_joint``; the answer
 output:
 
     motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
+                  the same with Dahl's bristle in place of the stick, and unlike in the two directions
     transmission  T_S = K dz(Delta, gap) ; K Delta + k_3 Delta^3 ; K Delta - a K w tanh(Delta/w)
     neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
     base          the whole arm on its mount, a joint more at the root: K = M_00 (2 pi f)^2
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -21,8 +23,8 @@ import numpy as np
 from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.plant import Mount
 from jointscope.diagnosis.arm.problem import ArmProblem
-from jointscope.diagnosis.effects import catalogue
-from jointscope.diagnosis.effects.spec import EffectSpec, Family, Location, ParameterSpec, Values, one_start
+from jointscope.diagnosis.effects import catalogue, payloads
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Family, Location, ParameterSpec, Values, one_start
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.predict import ArmAssembly
@@ -37,6 +39,10 @@ TRIED = (
     55.0,
     90.0,
 )  # Hz at which a neighbour's flexibility is screened: its shape changes with it
+SLOWEST = 2.0 * math.pi * 10.0  # rad/s of a rotor's oscillation, by which its speed tells how far it turns
+LEAST = 1e-3  # of the tested joint's inertia, that the last link gives to it, for its load to be told by that
+HIGHEST_MOUNT = 120.0  # Hz, the same of a mount
+MOST_SEATS = 4  # of accelerometers, beyond which no one's fault is looked for
 DEPTHS = (0.0, 0.3)  # m of a mount's axis under the arm's origin, tried
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
 
@@ -45,6 +51,13 @@ def split_location(location: str) -> tuple[str, str | None]:
     """``transmission:elbow_joint`` as place and joint."""
     place, _, joint = location.partition(SEPARATOR)
     return place, joint or None
+
+
+def _applied(put: Put) -> Apply:
+    def apply(assembly: object, values: Values, weight: float) -> None:
+        put(cast("ArmAssembly", assembly), values)
+
+    return apply
 
 
 def _spec(
@@ -61,9 +74,6 @@ def _spec(
     revealed_by: tuple[str, ...],
     look_alikes: tuple[str, ...],
 ) -> EffectSpec:
-    def apply(assembly: object, values: Values, weight: float) -> None:
-        put(cast("ArmAssembly", assembly), values)
-
     location = place if joint is None else f"{place}{SEPARATOR}{joint}"
     return EffectSpec(
         name=name,
@@ -74,7 +84,7 @@ def _spec(
         law=law,
         revealed_by=revealed_by,
         look_alikes=look_alikes,
-        apply=apply,
+        apply=_applied(put),
         scale=lambda problem: scale,
         starts=one_start if starts == ((),) else lambda problem: starts,
         possible=lambda problem: None,
@@ -105,24 +115,52 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
         ("stribeck-friction", "backlash"),
     )  # fmt: skip
 
+    def put_unlike(assembly: ArmAssembly, values: Values) -> None:
+        put_coulomb(assembly, values)
+        assembly.P[j, kernel.SIDED] = values[1]
+
+    asymmetry = ParameterSpec("asymmetry", "1", -0.6, 0.6)
+    unlike = replace(
+        coulomb, variant="stick-unlike", parameters=(torque, asymmetry), starts=lambda problem: ((0.0,),),
+        law="T_c (1 +- asymmetry) sgn(s'), sticking", apply=_applied(put_unlike),
+    )  # fmt: skip
+
+    def put_presliding(assembly: ArmAssembly, values: Values) -> None:
+        put_unlike(assembly, values)
+        assembly.P[j, kernel.PRESLIDING] = values[2]
+
+    turned = speed / SLOWEST
+    presliding = replace(
+        unlike, variant="presliding", parameters=(
+            torque, asymmetry, ParameterSpec("presliding", "rad", 1e-3 * turned, 3.0 * turned, log=True)
+        ), starts=lambda problem: tuple((0.0, share * turned) for share in (0.02, 0.1, 0.4)),
+        law="T_c z (1 +- asymmetry), z' = (s' - |s'| z)/presliding", apply=_applied(put_presliding),
+    )  # fmt: skip
+
     def put_stribeck(assembly: ArmAssembly, values: Values) -> None:
-        sliding, ratio, velocity = values
+        sliding, ratio, velocity = values[:3]
         assembly.P[j, kernel.COULOMB] += sliding
         assembly.P[j, kernel.BREAKAWAY] += sliding * ratio
         assembly.P[j, kernel.STRIBECK_SPEED] = velocity
+        assembly.P[j, kernel.PRESLIDING] = values[3] if len(values) > 3 else 0.0
 
+    wider = (
+        torque,
+        ParameterSpec("breakaway_ratio", "1", 1.15, 4.0),
+        ParameterSpec("stribeck_velocity", "rad/s", 0.003 * speed, 1.0 * speed, log=True),
+    )
     stribeck = _spec(
-        "stribeck-friction", "motor", joint, "stick", "dissipative",
-        (
-            torque,
-            ParameterSpec("breakaway_ratio", "1", 1.15, 4.0),
-            ParameterSpec("stribeck_velocity", "rad/s", 0.003 * speed, 1.0 * speed, log=True),
-        ),
+        "stribeck-friction", "motor", joint, "stick", "dissipative", wider,
         put_stribeck, "(T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')", scale,
         tuple((1.6, share * speed) for share in (0.02, 0.08, 0.3)), ("torque-sweep", "speed-motion"),
         ("coulomb-friction",),
     )  # fmt: skip
-    return [coulomb, stribeck]
+    rising = replace(
+        stribeck, variant="presliding", parameters=(*wider, presliding.parameters[2]),
+        starts=lambda problem: tuple((1.6, share * speed, 0.1 * turned) for share in (0.02, 0.08, 0.3)),
+        law="the same over Dahl's bristle",
+    )  # fmt: skip
+    return [coulomb, unlike, presliding, stribeck, rising]
 
 
 def _reach(problem: ArmProblem, j: int) -> float:
@@ -169,7 +207,7 @@ def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
         _spec(
             "stiffness-nonlinearity", "transmission", joint, "soft-centre", "stiffness",
             (
-                ParameterSpec("soft_share", "1", -0.5, 0.7, null=0.0),
+                ParameterSpec("soft_share", "1", -3.0, 0.7, null=0.0),
                 ParameterSpec("transition_angle", "rad", 0.03 * wind_up, 5.0 * wind_up, log=True),
             ),
             put_soft, "T_S = K Delta - a K w tanh(Delta/w)", (0.02, 0.1, 0.3),
@@ -232,7 +270,7 @@ def _mount(problem: ArmProblem) -> list[EffectSpec]:
         _spec(
             "base-compliance", "base", None, f"mount, from {tried:g} Hz", "mode",
             (
-                ParameterSpec("frequency", "Hz", 2.0, HIGHEST, log=True, null=math.inf),
+                ParameterSpec("frequency", "Hz", 2.0, HIGHEST_MOUNT, log=True, null=math.inf),
                 ParameterSpec("damping", "1", 0.002, 0.5, log=True),
                 ParameterSpec("depth", "m", -2.0, 2.0),
                 ParameterSpec("mount_inertia", "1", 0.0, 20.0),
@@ -244,6 +282,38 @@ def _mount(problem: ArmProblem) -> list[EffectSpec]:
         )
         for tried in TRIED
     ]  # fmt: skip
+
+
+@payloads.register(ArmProblem)
+def arm_payloads(problem: ArmProblem) -> tuple[EffectSpec, ...]:
+    """What the last link carries in some runs, by what it adds to the tested joint's inertia, without and with its weight."""
+    j, n = problem.facts.tested, len(problem.facts.joints)
+    link = float(problem.arm_runs[0].plant.shares[0, n - 1, j, j])
+    inertia = float(problem.locked_inertia[j])
+    if len(problem.runs) < 2 or not link > LEAST * inertia:
+        return ()
+
+    def carries(assembly: object, values: Values, weight: float) -> None:
+        arm = cast("ArmAssembly", assembly)
+        more = weight * values[0] / link
+        arm.links = replace(arm.links, carried=(more, more * values[1] if len(values) > 1 else 0.0))
+
+    added = ParameterSpec("inertia", "kg m^2", -0.6 * inertia, 3.0 * inertia, null=0.0)
+    heavy = ParameterSpec("weight_share", "1", 0.0, 5.0)
+    light = EffectSpec(
+        name="payload", location=cast("Location", f"load{SEPARATOR}{problem.facts.joints[j]}"), variant="some-runs",
+        family="inertia", exact=True, parameters=(added,), law="the last link's inertia times more in the loaded runs",
+        revealed_by=("hammer", "torque-sweep", "speed-motion"), look_alikes=("torque-gain",), apply=carries,
+        scale=lambda problem: (0.01 * inertia, 0.05 * inertia, 0.2 * inertia), starts=one_start,
+        possible=lambda problem: None,
+    )  # fmt: skip
+    if problem.rig.plane != "vertical" or all(r.driven < 0 for r in problem.arm_runs):
+        return (light,)
+    lifted = replace(
+        light, variant="lifted", parameters=(added, heavy), starts=lambda problem: ((1.0,),),
+        law="the same, and the last link's weight times weight_share of that",
+    )  # fmt: skip
+    return light, lifted
 
 
 def _drive(problem: ArmProblem, j: int) -> list[EffectSpec]:
@@ -286,17 +356,27 @@ def _recorder(problem: ArmProblem) -> list[EffectSpec]:
             )
         )  # fmt: skip
 
-    def put_gain(assembly: ArmAssembly, values: Values) -> None:
+    def gain(put: Put, law: str, variant: str) -> EffectSpec:
+        return _spec(
+            "sensor-gain", "acquisition", None, variant, "sensor-gain",
+            (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),), put, law, (1.01, 1.05, 1.2), ((),),
+            ("hammer", "torque-sweep"), ("torque-gain",),
+        )  # fmt: skip
+
+    def put_all(assembly: ArmAssembly, values: Values) -> None:
         assembly.readings = values[0]
 
-    if any(p >= 0 for r in problem.arm_runs for p in r.probes):
-        found.append(
-            _spec(
-                "sensor-gain", "acquisition", None, "factor", "sensor-gain",
-                (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),), put_gain, "accelerations times gain",
-                (1.01, 1.05, 1.2), ((),), ("hammer", "torque-sweep"), ("torque-gain",),
-            )
-        )  # fmt: skip
+    def put_one(seat: str) -> Put:
+        def put(assembly: ArmAssembly, values: Values) -> None:
+            assembly.one_of[seat] = values[0]
+
+        return put
+
+    seats = sorted({seat for r in problem.arm_runs for seat in r.sensors})
+    if seats:
+        found.append(gain(put_all, "accelerations times gain", "factor"))
+    if 1 < len(seats) <= MOST_SEATS:
+        found.extend(gain(put_one(s), f"times gain, of the accelerometer on {s}", f"factor, {s}") for s in seats)
     return found
 
 

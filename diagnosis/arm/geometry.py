@@ -126,7 +126,7 @@ def _on_its_mount(arm: ElasticArm, reference: Reference, campaign: Campaign) -> 
     posture = next(run.posture for run in campaign.runs if run.joint == joint)
     if joint not in reference.joints:
         raise RefusedError(_no_joint(joint, reference.joints))
-    turn = reference.axis(posture, joint)
+    turn = reference.axes(posture)[reference.joints.index(joint)]
     level = np.array([0.0, 0.0, 1.0]) if abs(turn[2]) < UPRIGHT else np.array([1.0, 0.0, 0.0])
     slide = np.cross(turn, level)
     return mounted_reference(arm, turn, slide / np.linalg.norm(slide))

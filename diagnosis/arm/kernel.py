@@ -12,6 +12,7 @@ transition of its linear part. Both obey
 The tie (an observer of about 1 Hz on the recorded motor angle) keeps a measured torque from drifting away and is soft
 against everything in the band. Dry friction is exact: at the start of a step a rotor at rest stays there while what acts
 on it is less than its breakaway torque; a sliding one keeps its direction through the step and stops where it would turn.
+Friction with presliding is Dahl's, in closed form along the step.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ from numba import njit
 (
     STIFFNESS, DAMPING, ROTOR_INERTIA, ROTOR_DAMPING, DRIVE_STIFFNESS, DRIVE_DAMPING, COULOMB, BREAKAWAY,
     STRIBECK_SPEED, GAP, GAP_DAMPING, CUBIC, SOFT_SHARE, SOFT_WIDTH, REST_TORQUE, REST_WIND_UP, LINK_DAMPING,
-) = range(17)  # fmt: skip
-COLUMNS = 17  # of a joint's row
+    SIDED, PRESLIDING,
+) = range(19)  # fmt: skip
+COLUMNS = 19  # of a joint's row
 
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
 
@@ -66,10 +68,23 @@ def dry_limit(v: float, p: Any) -> float:  # noqa: ANN401
 
 
 @njit(cache=True, nogil=True)
+def bristle(z: float, travel: float, reach: float) -> float:
+    """Deflection z of Dahl's bristle over its greatest, -1 to 1, after ``travel`` [rad] in one direction."""
+    end = 1.0 if travel > 0.0 else -1.0
+    return float(end - (end - z) * math.exp(-abs(travel) / reach))
+
+
+@njit(cache=True, nogil=True)
+def bristle_torque(z: float, v: float, p: Any) -> float:  # noqa: ANN401
+    """What such friction holds back [N m]."""
+    return float(z * dry_limit(v, p) * (1.0 + math.copysign(p[SIDED], z)))
+
+
+@njit(cache=True, nogil=True)
 def _rates(
     x: Any, dx: Any, m: int, P: Any, kind: Any, slip: Any, inverse: Any, gravity: Any, slope: Any,  # noqa: ANN401
     product: Any, k: int, hit: Any, force: float, torque: float, tied: float, tie: float,  # noqa: ANN401
-    tie_rate: float, right: Any,  # noqa: ANN401
+    tie_rate: float, right: Any, bent: Any, before: Any,  # noqa: ANN401
 ) -> None:  # fmt: skip
     """dx/dt; ``slip`` is the direction of each rotor's sliding, 0 where it sticks; x = y, y', s, s'."""
     pace = x[m + k] if k >= 0 else 0.0
@@ -96,8 +111,10 @@ def _rates(
         elif kind[i] == DRIVEN:
             drive = torque + tied + tie * (p[REST_WIND_UP] - s) - tie_rate * v
         dry = 0.0
-        if p[COULOMB] > 0.0 or p[BREAKAWAY] > 0.0:
-            dry = slip[i] * dry_limit(v, p)
+        if p[PRESLIDING] > 0.0:
+            dry = bristle_torque(bristle(bent[i], s - before[i], p[PRESLIDING]), v, p)
+        elif p[COULOMB] > 0.0 or p[BREAKAWAY] > 0.0:
+            dry = slip[i] * dry_limit(v, p) * (1.0 + slip[i] * p[SIDED])
         dx[3 * m + i] = (drive - transmitted - p[ROTOR_DAMPING] * v - dry) / p[ROTOR_INERTIA]
     for i in range(m):
         total = 0.0
@@ -117,7 +134,7 @@ def _directions(
             slip[i] = 0
             continue
         s, v = x[2 * m + i], x[3 * m + i]
-        if v != 0.0:
+        if v != 0.0 or p[PRESLIDING] > 0.0:
             slip[i] = 1 if v > 0.0 else -1
             continue
         net = -reducer_torque(s - x[i], v - x[m + i], p)
@@ -126,7 +143,7 @@ def _directions(
         elif kind[i] == DRIVEN:
             net += torque + tied + tie * (p[REST_WIND_UP] - s)
         sticks = dry_limit(0.0, p)
-        if sticks > 0.0 and abs(net) <= sticks:
+        if sticks > 0.0 and abs(net) <= sticks * (1.0 + math.copysign(p[SIDED], net)):
             slip[i] = 0
         else:
             slip[i] = 1 if net >= 0.0 else -1
@@ -148,6 +165,7 @@ def travel(
     m, steps, sensors, nodes = P.shape[0], readings.shape[0] - 1, readings.shape[1], inverses.shape[0]
     slip = np.zeros(m, np.int64)
     right = np.empty(m)
+    bent, before = np.zeros(m), x[2 * m : 3 * m].copy()
     k1, k2, k3, k4, y = np.empty(4 * m), np.empty(4 * m), np.empty(4 * m), np.empty(4 * m), np.empty(4 * m)
     inverse, gravity, slope, product = (
         inverses[0].copy(),
@@ -172,7 +190,7 @@ def travel(
                     product[i, j] = (1.0 - share) * products[node, i, j] + share * products[node + 1, i, j]
         _directions(x, m, P, kind, slip, torque[h], tied[h], tie)
         _rates(x, k1, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h], torque[h], tied[h],
-               tie, tie_rate, right)  # fmt: skip
+               tie, tie_rate, right, bent, before)  # fmt: skip
         other = node + 1 if share > 0.0 else node
         rest = 1.0 - share
         for o in range(sensors):
@@ -192,19 +210,22 @@ def travel(
         for i in range(4 * m):
             y[i] = x[i] + 0.5 * dt * k1[i]
         _rates(y, k2, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h + 1], torque[h + 1],
-               tied[h + 1], tie, tie_rate, right)  # fmt: skip
+               tied[h + 1], tie, tie_rate, right, bent, before)  # fmt: skip
         for i in range(4 * m):
             y[i] = x[i] + 0.5 * dt * k2[i]
         _rates(y, k3, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h + 1], torque[h + 1],
-               tied[h + 1], tie, tie_rate, right)  # fmt: skip
+               tied[h + 1], tie, tie_rate, right, bent, before)  # fmt: skip
         for i in range(4 * m):
             y[i] = x[i] + dt * k3[i]
         _rates(y, k4, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h + 2], torque[h + 2],
-               tied[h + 2], tie, tie_rate, right)  # fmt: skip
+               tied[h + 2], tie, tie_rate, right, bent, before)  # fmt: skip
         for i in range(4 * m):
             x[i] += dt / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
         for i in range(m):
-            if kind[i] != BRAKED and dry_limit(0.0, P[i]) > 0.0 and x[3 * m + i] * slip[i] < 0.0:
+            if P[i, PRESLIDING] > 0.0:
+                bent[i] = bristle(bent[i], x[2 * m + i] - before[i], P[i, PRESLIDING])
+                before[i] = x[2 * m + i]
+            elif kind[i] != BRAKED and dry_limit(0.0, P[i]) > 0.0 and x[3 * m + i] * slip[i] < 0.0:
                 x[3 * m + i] = 0.0
         if not abs(x[0]) < 1e6:
             return False
@@ -214,7 +235,8 @@ def travel(
 @njit(cache=True, nogil=True)
 def shake(
     transition: Any, start: Any, middle: Any, end: Any, u: Any, hold: Any, ramp: Any, springs: Any, rates: Any,  # noqa: ANN401
-    P: Any, joints: Any, hold_dry: Any, speeds: Any, dry_joints: Any, C: Any, D: Any, F: Any, readings: Any,  # noqa: ANN401
+    P: Any, joints: Any, hold_dry: Any, speeds: Any, dry_joints: Any, hold_soft: Any, ramp_soft: Any,  # noqa: ANN401
+    soft_speeds: Any, soft_joints: Any, C: Any, D: Any, F: Any, readings: Any,  # noqa: ANN401
 ) -> bool:  # fmt: skip
     """Small motion: the linear part propagated exactly, the joints' nonlinear torques by trapezoid, dry friction implicitly.
 
@@ -233,13 +255,17 @@ def shake(
         hold_dry: H, shape (nd, n).
         speeds: Place of each sliding rotor's speed in x, shape (nd,).
         dry_joints: Rows of P of the rotors with dry friction, shape (nd,).
+        hold_soft, ramp_soft: G_0, G_1 of the rotors whose friction has presliding, shape (ns, n).
+        soft_speeds, soft_joints: The same of them, shape (ns,); their angles stand n/2 before their speeds.
         C, D, F: What is read: C x + D u + F f, shapes (o, n), (o,), (o, nf).
         readings: Filled, shape (steps + 1, o).
     """
     n, steps, outputs = transition.shape[0], readings.shape[0] - 1, readings.shape[1]
-    nf, nd = len(joints), len(dry_joints)
+    nf, nd, ns = len(joints), len(dry_joints), len(soft_joints)
     x, free, y = np.zeros(n), np.zeros(n), np.zeros(n)
     f, g = np.zeros(nf), np.zeros(nf)
+    bent, rubs, rubbed = np.zeros(ns), np.zeros(ns), np.zeros(ns)
+    rounds = 3 if ns > 0 else (2 if nf > 0 else 1)
     for step in range(steps + 1):
         for o in range(outputs):
             total = D[o] * u[2 * step]
@@ -257,18 +283,22 @@ def shake(
             free[i] = total
         for a in range(nf):
             g[a] = f[a]
-        for _ in range(2 if nf > 0 else 1):
+        for b in range(ns):
+            rubbed[b] = rubs[b]
+        for _ in range(rounds):
             for i in range(n):
                 total = free[i]
                 for a in range(nf):
                     total += hold[a, i] * f[a] + ramp[a, i] * (g[a] - f[a])
+                for b in range(ns):
+                    total -= hold_soft[b, i] * rubs[b] + ramp_soft[b, i] * (rubbed[b] - rubs[b])
                 y[i] = total
             for d in range(nd):
                 p = P[dry_joints[d]]
                 here = x[speeds[d]]
                 limit = dry_limit(here, p)
                 need = -y[speeds[d]] / hold_dry[d, speeds[d]]
-                need = min(max(need, -limit), limit)
+                need = min(max(need, -limit * (1.0 + p[SIDED])), limit * (1.0 - p[SIDED]))
                 for i in range(n):
                     y[i] += hold_dry[d, i] * need
             for a in range(nf):
@@ -279,6 +309,14 @@ def shake(
                 p = P[joints[a]]
                 whole = reducer_torque(p[REST_WIND_UP] + wind_up, rate, p)
                 g[a] = whole - p[REST_TORQUE] - p[STIFFNESS] * wind_up - p[DAMPING] * rate
+            for b in range(ns):
+                p, at = P[soft_joints[b]], soft_speeds[b]
+                z = bristle(bent[b], y[at - n // 2] - x[at - n // 2], p[PRESLIDING])
+                rubbed[b] = bristle_torque(z, y[at], p)
+        for b in range(ns):
+            p, at = P[soft_joints[b]], soft_speeds[b]
+            bent[b] = bristle(bent[b], y[at - n // 2] - x[at - n // 2], p[PRESLIDING])
+            rubs[b] = rubbed[b]
         for i in range(n):
             x[i] = y[i]
         for a in range(nf):

@@ -7,19 +7,21 @@ and the choice of the next recording belong to the single joint's model and are 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
-from jointscope.diagnosis.adjudicate import judge
+from jointscope.diagnosis.adjudicate import Judgement, judge
 from jointscope.diagnosis.arm.effects import arm_catalogue
 from jointscope.diagnosis.arm.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.echo import Echo
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.pipeline import Diagnosis, silent
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.split import split_runs
-from jointscope.diagnosis.verdict import decide
+from jointscope.diagnosis.verdict import Decision, beyond, decide
 
 EFFORT = Effort(
     hits=5,
@@ -36,6 +38,30 @@ EFFORT = Effort(
     polished=3,
 )
 
+DRIVEN_RIGHT = (
+    0.01  # of a driven run's signal, to which an arm of several bodies and its motor's log are right at best
+)
+
+
+def _as_right_as_arms_are(judgement: Judgement) -> Judgement:
+    """What an effect explains of driven runs counts from the last hundredth on: a mode of a second joint is no righter."""
+    energies = dict(judgement.echo.energies)
+    for kind, (_, signal) in judgement.base.energies.items():
+        if str(kind[0]) != "hammer":
+            energies[kind] = energies.get(kind, 0.0) + DRIVEN_RIGHT**2 * signal
+    return replace(judgement, echo=Echo(energies, {}))
+
+
+def _within_geometry(judgement: Judgement, decision: Decision) -> Decision:
+    """``none`` where what the base leaves is as little as an arm's file is right to."""
+    left = decision.adequacy.base_left
+    unexplained = decision.verdict == "unknown" and decision.chosen is judgement.base
+    if not (unexplained and left < DRIVEN_RIGHT):
+        return decision
+    return replace(
+        decision, verdict="none", unknown_reason=None, probability=beyond(DRIVEN_RIGHT / max(left, 1e-9))
+    )
+
 
 def diagnose_arm(
     problem: ArmProblem, pool: ThreadPoolExecutor, *, effort: Effort = EFFORT, report: Report = silent
@@ -51,7 +77,8 @@ def diagnose_arm(
     stage = refit_base(problem, predict_outputs, split.estimate, pool)
     screening, hypotheses = explore(stage, arm_catalogue(problem), effort, report)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
-    judgement = judge(stage, hypotheses, split.held_out)
+    judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
     nowhere = Places((), {}, None)
-    whole = Diagnosis(problem, split, stage, screening, judgement, decide(judgement), nowhere, None)
+    decision = _within_geometry(judgement, decide(judgement))
+    whole = Diagnosis(problem, split, stage, screening, judgement, decision, nowhere, None)
     return handed_on(whole, free_prediction)

@@ -71,7 +71,22 @@ class Mount:
     heavier: float
 
 
-Key = tuple[tuple[bool, ...], tuple[float, ...], Mount | None]
+@dataclass(frozen=True)
+class Links:
+    """In which the links' inertia is another than the file says, shape (n,) each; their weight is as in the file.
+
+    Attributes:
+        added: About its own joint's axis [kg m^2]: a link whose mass lies elsewhere about its centre.
+        masses: As a multiple of all that the file says of it: a link of other walls.
+        carried: What the last link carries, over its own inertia and over its own weight [-].
+    """
+
+    added: tuple[float, ...]
+    masses: tuple[float, ...]
+    carried: tuple[float, float] = (0.0, 0.0)
+
+
+Key = tuple[tuple[bool, ...], Links, Mount | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +98,9 @@ class Plant:
         moving: k, or -1.
         mass: M, shape (N, n + 2, n + 2).
         shares: What each link's own inertia gives to M, shape (N, n + 2, n + 2, n + 2), link second.
+        turns: How fast each link turns about its own joint's axis per rate of any joint [-], shape (N, n + 2, n + 2),
+            link second.
+        weights: What holds each link's own weight [N m], shape (N, n + 2, n + 2), link second.
     """
 
     low: float
@@ -98,31 +116,38 @@ class Plant:
     static: Vector
     hit: Vector
     shares: Vector
+    turns: Vector
+    weights: Vector
     _cache: dict[Key, Reduced] = field(default_factory=dict, repr=False)
 
-    def reduced(self, mask: NDArray[np.bool_], inertia: Vector, mount: Mount | None) -> Reduced:
+    def reduced(self, mask: NDArray[np.bool_], links: Links, mount: Mount | None) -> Reduced:
         """The same with only the joints of ``mask`` moving, the others rigid at the posture.
 
         Args:
             mask: Shape (n,).
-            inertia: Of each link, as a multiple of what the file says of it, shape (n,); its weight is as in the file.
             mount: How the arm moves on its mount, as the last joint; ``None``: it does not.
         """
-        key = (tuple(bool(m) for m in mask), tuple(inertia), mount)
+        key = (tuple(bool(m) for m in mask), links, mount)
         found = self._cache.get(key)
         if found is None:
-            found = self._reduced(mask, inertia, mount)
+            found = self._reduced(mask, links, mount)
             if len(self._cache) > KEPT:
                 self._cache.clear()
             self._cache[key] = found
         return found
 
-    def _reduced(self, mask: NDArray[np.bool_], inertia: Vector, mount: Mount | None) -> Reduced:
+    def _reduced(self, mask: NDArray[np.bool_], links: Links, mount: Mount | None) -> Reduced:
         n, j = len(mask), np.flatnonzero(mask)
         columns = np.eye(self.mass.shape[1])[:, j]
-        mass, more = self.mass, np.flatnonzero(inertia != 1.0)
-        if more.size:
-            mass = mass + np.einsum("i,nijk->njk", inertia[more] - 1.0, self.shares[:, more])
+        mass, added, scaled = self.mass, np.array(links.added), np.array(links.masses) - 1.0
+        if np.any(scaled):
+            mass = mass + np.einsum("i,nijk->njk", scaled, self.shares[:, :n])
+        if np.any(added):
+            mass = mass + np.einsum("i,nij,nik->njk", added, self.turns[:, :n], self.turns[:, :n])
+        gravity = self.gravity
+        if any(links.carried):
+            mass = mass + links.carried[0] * self.shares[:, n - 1]
+            gravity = gravity + links.carried[1] * self.weights[:, n - 1]
         moving = int(np.flatnonzero(j == self.moving)[0]) if self.moving in j else -1
         if mount is not None:
             together = np.zeros((self.mass.shape[1], 1))
@@ -141,7 +166,7 @@ class Plant:
         return Reduced(
             j,
             np.ascontiguousarray(np.linalg.inv(small)),
-            right(self.gravity),
+            right(gravity),
             both(self.slope),
             both(self.product),
             right(self.motion),
@@ -191,8 +216,16 @@ def arm_plant(
         bias=bias,
         static=static.reshape(shape[:2]),
         hit=np.zeros(n) if hit is None else reference.rows(posture, hit)[0],
-        shares=np.array([reference.shares(place) for place in places]),
+        shares=np.array(shares := [reference.shares(place) for place in places]),
+        weights=np.array([reference.weights(place) for place in places]),
+        turns=np.array([_turns(reference.axes(p), own) for p, own in zip(places, shares, strict=True)]),
     )
+
+
+def _turns(axes: Vector, shares: Vector) -> Vector:
+    """a_i . a_k of every joint k that carries link i, else 0, shape (n, n)."""
+    carries = np.einsum("ikk->ik", shares) > 0.0
+    return np.asarray(np.where(carries, axes @ axes.T, 0.0))
 
 
 def _with(posture: Mapping[str, float], joint: str, by: float) -> dict[str, float]:

@@ -17,7 +17,7 @@ from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.arm.plant import Mount, Reduced
+    from jointscope.diagnosis.arm.plant import Links, Mount, Reduced
     from jointscope.diagnosis.effects.spec import ActiveEffect
     from jointscope.diagnosis.objective import Predict
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
@@ -41,27 +41,28 @@ class ArmAssembly:
     Attributes:
         P: Joints' rows and the mount's, shape (n + 1, kernel.COLUMNS).
         elastic: Which reducers are springs, shape (n,).
-        inertia: Of each link, as a multiple of what the file says of it, shape (n,).
+        links: In which the links' inertia is another than the file says.
         mount: How the mount gives way, if it does.
         gain: Factor on the motor's torque.
         lag: Of the motor's torque behind the log [s].
         offset: Added to the motor's torque [N m].
         late: By which devices other than the DAQ stamp late [s].
         readings: Factor on what the accelerometers read.
+        one_of: The same of some of them, by where they sit.
     """
 
     run: ArmRun
     problem: ArmProblem
     P: Vector
     elastic: NDArray[np.bool_]
-    inertia: Vector
+    links: Links
     mount: Mount | None = None
     gain: float = 1.0
     lag: float = 0.0
     offset: float = 0.0
     late: float = 0.0
     readings: float = 1.0
-    note: dict[str, float] = field(default_factory=dict)
+    one_of: dict[str, float] = field(default_factory=dict)
 
 
 def assembled(run: ArmRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: ArmProblem) -> ArmAssembly:
@@ -72,7 +73,7 @@ def assembled(run: ArmRun, theta: Vector, effects: tuple[ActiveEffect, ...], pro
         P[:n, column] = theta[problem.place(name, 0) :][:n]
     P[:, kernel.STRIBECK_SPEED] = P[:, kernel.SOFT_WIDTH] = 1.0
     assembly = ArmAssembly(
-        run, problem, P, problem.mask(run), problem.inertia(theta), offset=float(theta[problem.offset_place])
+        run, problem, P, problem.mask(run), problem.links(theta), offset=float(theta[problem.offset_place])
     )
     for effect in effects:
         effect.apply(cast("object", assembly))  # type: ignore[arg-type]
@@ -95,7 +96,7 @@ class Motion:
 def moved(assembly: ArmAssembly, *, tied: bool = True) -> Motion:
     """Step one run; ``tied`` to the recorded motor angle, else loosely to the commanded path. Diverged: not finite."""
     run, plant = assembly.run, assembly.run.plant
-    table = plant.reduced(assembly.elastic, assembly.inertia, assembly.mount)
+    table = plant.reduced(assembly.elastic, assembly.links, assembly.mount)
     P, kinds, x = rest_state(assembly, table)
     omega = 2.0 * math.pi * (TIE_HZ if tied else LOOSE_HZ)
     torque = _motor_torque(assembly)
@@ -243,7 +244,8 @@ def outputs_of(assembly: ArmAssembly, motion: Motion) -> tuple[Vector, ...]:
             found.append(_read(run.ratio * motion.rotor, output, run, late))
         else:
             felt = _coupled(motion.readings[:, probe], output, run.grid_rate)
-            found.append(assembly.readings * _read(felt, output, run, late))
+            gain = assembly.readings * assembly.one_of.get(run.sensors[probe], 1.0)
+            found.append(gain * _read(felt, output, run, late))
     return tuple(found)
 
 

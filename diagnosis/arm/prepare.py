@@ -67,7 +67,7 @@ def prepare_arm(campaign: Campaign) -> ArmProblem:
         rig=campaign.rig, runs=tuple(runs), base=_base(facts, runs, masks, sought, weighed), scales=unit_scales(),
         findings=tuple(findings), facts=facts, stated=stated, seen=seen, visibility=visibility,
         rotor_speed=np.zeros(len(K)), wind_up=np.zeros(len(K)), torque=np.zeros(len(K)),
-        locked_inertia=facts.reference.locked_inertia(runs[0].run.posture), carried=_carried(weighed),
+        locked_inertia=facts.reference.locked_inertia(runs[0].run.posture), carried=_carried(weighed[1]),
     )  # fmt: skip
     return _with_sizes(problem)
 
@@ -102,27 +102,30 @@ def _visibility(runs: list[ArmRun], facts: ArmFacts, figures: Figures) -> Vector
     return found
 
 
-def _weighed(runs: list[ArmRun], sought: NDArray[np.int_], tested: int) -> NDArray[np.bool_]:
-    """Links whose inertia the recordings weigh, shape (n,): of joints that move, and further out where postures differ.
+def _weighed(
+    runs: list[ArmRun], sought: NDArray[np.int_], tested: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Links whose inertia about their own joint, and whose mass, the recordings weigh, shape (n,) each.
 
-    A link beyond a joint that does not move goes by the one that carries it, unless its part of that one's inertia
-    differs from run to run.
+    Of every joint that moves the inertia about it; the mass of what hangs on a second one, which is felt beside it at the
+    first, and of a link beyond a joint that does not move, where its part of what is felt differs from run to run.
     """
     n = len(runs[0].kinds)
-    found = np.isin(np.arange(n), [*sought, tested])
-    carrier = -1
+    moving = np.isin(np.arange(n), [*sought, tested])
+    massed, carrier = np.zeros(n, dtype=bool), -1
     for i in range(n):
-        if found[i]:
+        if carrier >= 0:
+            parts = [
+                r.plant.shares[:, i:n, carrier, carrier].sum(1) / r.plant.mass[:, carrier, carrier] for r in runs
+            ]
+            massed[i] = moving[i] or bool(np.ptp(np.concatenate(parts)) > UNLIKE)
+        if moving[i]:
             carrier = i
-        elif carrier >= 0:
-            nodes = [(r.plant.shares[:, i:n, carrier, carrier].sum(1), r.plant.mass[:, carrier, carrier]) for r in runs]
-            parts = np.concatenate([part / whole for part, whole in nodes])
-            found[i] = bool(np.ptp(parts) > UNLIKE)
-    return found
+    return moving, massed
 
 
-def _carried(weighed: NDArray[np.bool_]) -> NDArray[np.int_]:
-    return np.maximum.accumulate(np.where(weighed, np.arange(len(weighed)), -1))
+def _carried(massed: NDArray[np.bool_]) -> NDArray[np.int_]:
+    return np.maximum.accumulate(np.where(massed, np.arange(len(massed)), -1))
 
 
 def _base(
@@ -130,7 +133,7 @@ def _base(
     runs: list[ArmRun],
     masks: dict[int, NDArray[np.bool_]],
     sought: NDArray[np.int_],
-    weighed: NDArray[np.bool_],
+    weighed: tuple[NDArray[np.bool_], NDArray[np.bool_]],
 ) -> BaseSpec:
     n = len(facts.joints)
     springs = np.any([masks[r.index] for r in runs], axis=0)
@@ -139,25 +142,25 @@ def _base(
     driven = np.any([r.kinds == kernel.DRIVEN for r in runs], axis=0)
     values = np.stack(
         [facts.stiffness, facts.damping, facts.rotor_inertia, facts.rotor_damping, facts.drive_stiffness,
-         facts.drive_damping, np.ones(n), np.where(turning, facts.load_damping, 0.0)]
+         facts.drive_damping, np.ones(n), np.ones(n), np.where(turning, facts.load_damping, 0.0)]
     )  # fmt: skip
     informed = np.isin(np.arange(n), sought)
     free = np.stack(
         [springs, springs, driven & (facts.rotor_inertia <= 0.0), driven & turning,
-         held & informed, held & informed, weighed,
+         held & informed, held & informed, *weighed,
          driven & turning]
     )  # fmt: skip  # fmt: skip
     if np.any(free[2]):
         values[2] = np.where(facts.rotor_inertia <= 0.0, 5.0, values[2])
     scale = np.where(values > 0.0, values, 1.0)
-    scale[[3, 7]] = np.maximum(scale[[3, 7]], 5.0)
+    scale[[3, 8]] = np.maximum(scale[[3, 8]], 5.0)
     lower = np.stack(
         [0.1 * scale[0], 0.0 * scale[1], 0.02 * scale[2], 0.0 * scale[3], 0.2 * scale[4], 0.1 * scale[5],
-         LEAST_INERTIA * scale[6], 0.0 * scale[7]]
+         LEAST_INERTIA * scale[6], LEAST_INERTIA * scale[7], 0.0 * scale[8]]
     )  # fmt: skip
     upper = np.stack(
         [10.0 * scale[0], 30.0 * scale[1], 50.0 * scale[2], 100.0 * scale[3], 5.0 * scale[4], 8.0 * scale[5],
-         scale[6] / LEAST_INERTIA, 100.0 * scale[7]]
+         scale[6] / LEAST_INERTIA, scale[7] / LEAST_INERTIA, 100.0 * scale[8]]
     )  # fmt: skip
     moved = [r for r in runs if r.driven >= 0]
     gap = [
@@ -167,7 +170,7 @@ def _base(
     size = max([float(np.ptp(r.motor_half)) for r in moved], default=1.0)
     names = tuple(parameter(kind, joint) for kind in PER_JOINT for joint in facts.joints) + COMMON
     fixed = [max([r.tie for r in moved], default=1.0), facts.efficiency, 1.0]
-    nuisance = np.repeat([False, False, False, False, True, True, False, False], n)
+    nuisance = np.repeat([False, False, False, False, True, True, False, False, False], n)
     return BaseSpec(
         names=names,
         start=np.append(values.ravel(), [float(np.median(gap)) if gap else 0.0, *fixed]),

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.arm.geometry import ArmFacts
-from jointscope.diagnosis.arm.plant import Plant
-from jointscope.diagnosis.problem import PreparedRun, Problem
+from jointscope.diagnosis.arm.plant import Links, Plant
+from jointscope.diagnosis.problem import Own, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ PER_JOINT = (
     "drive_stiffness",
     "drive_damping",
     "link_inertia",
+    "link_mass",
     "load_damping",
 )  # theta holds each of these for every joint, then COMMON
 COMMON = ("torque_offset", "load_inertia", "efficiency", "torque_scale")
@@ -47,6 +48,7 @@ class ArmRun(PreparedRun):
         commanded, commanded_rate: The same from the speed command.
         tie: Inertia that the tie to the path acts on [kg m^2].
         probes: Which reading of the plant each output is, -1 for the motor angle.
+        sensors: Where each accelerometer sits, as long as ``plant.motion``.
     """
 
     plant: Plant
@@ -59,6 +61,7 @@ class ArmRun(PreparedRun):
     commanded_rate: Vector
     tie: float
     probes: tuple[int, ...]
+    sensors: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,7 +78,7 @@ class ArmProblem(Problem):
         wind_up: Peak dynamic wind-up of each reducer [rad], shape (n,).
         torque: Peak dynamic torque of each reducer [N m], shape (n,).
         locked_inertia: M_jj at the first run's posture [kg m^2], shape (n,).
-        carried: Whose ``link_inertia`` each link goes by, shape (n,); -1: as the file has it.
+        carried: Whose ``link_mass`` each link goes by, shape (n,); -1: as the file has it.
     """
 
     facts: ArmFacts
@@ -93,6 +96,15 @@ class ArmProblem(Problem):
         """The runs as what they are."""
         return cast("tuple[ArmRun, ...]", self.runs)
 
+    @property
+    def own(self) -> Own:
+        """Which parameters are the tested joint's own."""
+        j = self.facts.tested
+        stiffness, damping, inertia = (
+            parameter(kind, self.facts.joints[j]) for kind in ("stiffness", "damping", "link_inertia")
+        )
+        return Own(stiffness, damping, inertia, float(self.locked_inertia[j]))
+
     def mask(self, run: ArmRun) -> NDArray[np.bool_]:
         """Joints whose reducers are springs in ``run`` under the base, shape (n,)."""
         return np.asarray(self.facts.elastic & self.seen & ~run.locked)
@@ -101,10 +113,12 @@ class ArmProblem(Problem):
         """Position in theta of a joint's own parameter."""
         return PER_JOINT.index(name) * len(self.facts.joints) + joint
 
-    def inertia(self, theta: Vector) -> Vector:
-        """Of each link, as a multiple of what the file says of it, shape (n,)."""
-        own = theta[self.place("link_inertia", 0) :][: len(self.carried)]
-        return np.where(self.carried < 0, 1.0, own[np.maximum(self.carried, 0)])
+    def links(self, theta: Vector) -> Links:
+        """In which the links' inertia is another than the file says."""
+        n = len(self.carried)
+        more = theta[self.place("link_inertia", 0) :][:n] - 1.0
+        masses = theta[self.place("link_mass", 0) :][:n][np.maximum(self.carried, 0)]
+        return Links(tuple(more * self.locked_inertia), tuple(np.where(self.carried < 0, 1.0, masses)))
 
     @property
     def offset_place(self) -> int:

@@ -34,7 +34,7 @@ LAST = 0.3  # s kept after that
 PATH_BAND = (
     0.4  # of the log's rate, kept of the recorded angle: what the tie's path lacks of the motion, the tie damps
 )
-FAR = 0.05  # rad of travel from which a joint's path is tabled
+FAR = 0.01  # rad of travel from which a joint's path is tabled
 EDGE = 12  # samples at either end of a record that are not scored: the recorder's filter has no other half there
 STILL = 0.05  # s at the start that belong to rest
 
@@ -81,7 +81,10 @@ def arm_run(run: Run, rig: Nameplate, facts: ArmFacts, index: int) -> tuple[ArmR
         reference, run.posture, probes, hit, joint if far else -1, (travel[0] - 0.05, travel[1] + 0.05)
     )
     end = t0 + steps / rate
-    outputs = [_acceleration(s, end) for s in accelerations] + ([] if angle is None else [_angle(angle)])
+    levers = np.abs(plant.motion[0, :, joint])
+    outputs = [_acceleration(s, end, float(r)) for s, r in zip(accelerations, levers, strict=True)] + (
+        [] if angle is None else [_angle(angle)]
+    )
     zeros = np.zeros(2 * steps + 1)
     mode: Literal["braked", "observer"] = "braked" if torque is None else "observer"
     load = None if force is None else force[0]
@@ -98,7 +101,7 @@ def arm_run(run: Run, rig: Nameplate, facts: ArmFacts, index: int) -> tuple[ArmR
         plant=plant, kinds=kinds, locked=locked, driven=joint if torque is not None else -1, path=path,
         path_rate=path_rate, commanded=commanded, commanded_rate=commanded_rate,
         tie=float(facts.rotor_inertia[joint] + plant.mass[0, joint, joint]),
-        probes=(*range(len(accelerations)), *(() if angle is None else (-1,))),
+        probes=(*range(len(accelerations)), *(() if angle is None else (-1,))), sensors=tuple(map(_seat, probes)),
     )  # fmt: skip
     return prepared, notes
 
@@ -189,6 +192,11 @@ def _probe(facts: ArmFacts, signal: Signal) -> Probe:
     )
 
 
+def _seat(probe: Probe) -> str:
+    x, y, z = probe.point
+    return f"{probe.body} at ({x:.4g}, {y:.4g}, {z:.4g}) m"
+
+
 def _grid(run: Run, least: float) -> tuple[float, float, int]:
     recorded = [s for s in run.signals if s.channel.samples is not None and s.channel.role == "output"]
     start = min(s.stream.start for s in recorded)
@@ -247,12 +255,14 @@ def _scored(signal: Signal) -> NDArray[np.bool_]:
     return mask
 
 
-def _acceleration(signal: Signal, end: float) -> Output:
+def _acceleration(signal: Signal, end: float, lever: float) -> Output:
+    """A reading of the arm; ``lever``: how far it moves per turn of the joint [m/rad], by which sensors are told apart."""
     c = signal.channel
     data = np.asarray(signal.samples, dtype=np.float64)
     return Output(
         quantity=c.quantity, location=c.location, device=signal.device, late=False, rate=signal.sampling_rate,
-        times=signal.times, data=data, mask=_scored(signal) & (signal.times < end - EDGE / signal.sampling_rate), radius=c.radius,
+        times=signal.times, data=data, mask=_scored(signal) & (signal.times < end - EDGE / signal.sampling_rate),
+        radius=c.radius or round(lever, 4),
         low_cutoff=(c.low_cutoff or None) if c.coupling == "ac" else None, full_scale=c.full_scale,
         channel=_channel_place(signal),
     )  # fmt: skip

@@ -126,14 +126,18 @@ def run_small(
     bent = np.flatnonzero(
         (P[:, kernel.GAP] > 0.0) | (P[:, kernel.CUBIC] != 0.0) | (P[:, kernel.SOFT_SHARE] != 0.0)
     )
-    dry = [r for r, i in enumerate(system.turning) if P[i, kernel.COULOMB] > 0.0 or P[i, kernel.BREAKAWAY] > 0.0]
-    columns = np.concatenate([system.B[:, None], system.E[:, bent], system.R[:, dry]], axis=1)
+    rubbing = [
+        r for r, i in enumerate(system.turning) if P[i, kernel.COULOMB] > 0.0 or P[i, kernel.BREAKAWAY] > 0.0
+    ]
+    soft = [r for r in rubbing if P[system.turning[r], kernel.PRESLIDING] > 0.0]
+    dry = [r for r in rubbing if r not in soft]
+    columns = np.concatenate([system.B[:, None], system.E[:, bent], system.R[:, dry], system.R[:, soft]], axis=1)
     phi, zero, one, two = discrete(system.A, columns, 1.0 / rate)
     a, b = zero[:, 0], one[:, 0]
     c = two[:, 0]
     # parabola through u_0, u_1/2, u_1: u_0 + (4 u_1/2 - 3 u_0 - u_1) t + (2 u_0 - 4 u_1/2 + 2 u_1) t^2
     start, middle, end = a - 3.0 * b + 2.0 * c, 4.0 * b - 4.0 * c, -b + 2.0 * c
-    nf = len(bent)
+    nf, first = len(bent), 1 + len(bent) + len(dry)
     J, S = table.motion[0], table.tilt[0]
     m, n = len(table.joints), len(system.A)
     over_x, over_u, over_f = system.links
@@ -152,8 +156,10 @@ def run_small(
     good = kernel.shake(
         tight(phi), tight(start), tight(middle), tight(end), tight(u), tight(zero[:, 1 : 1 + nf].T),
         tight(one[:, 1 : 1 + nf].T), tight(system.wind_up[bent]), tight(system.wind_up_rate[bent]), tight(P),
-        bent.astype(np.int64), tight(zero[:, 1 + nf :].T), system.speeds[dry].astype(np.int64),
-        system.turning[dry].astype(np.int64), tight(C), tight(D), tight(F), readings,
+        bent.astype(np.int64), tight(zero[:, 1 + nf : first].T), system.speeds[dry].astype(np.int64),
+        system.turning[dry].astype(np.int64), tight(zero[:, first:].T), tight(one[:, first:].T),
+        system.speeds[soft].astype(np.int64), system.turning[soft].astype(np.int64), tight(C), tight(D), tight(F),
+        readings,
     )  # fmt: skip
     if not good:
         readings[:] = np.nan

@@ -49,6 +49,7 @@ __all__ = [
     "ParameterSpec",
     "at_rig",
     "catalogue",
+    "payloads",
     "with_run_weights",
 ]
 
@@ -87,6 +88,12 @@ def catalogue(problem: Problem) -> tuple[EffectSpec, ...]:
     An arm of several joints has a catalogue of its own (``arm.effects``).
     """
     return tuple(at_rig(spec, problem) for spec in (*REGISTRY, *one_sensor.one_sensor_laws(problem)))
+
+
+@singledispatch
+def payloads(problem: Problem) -> tuple[EffectSpec, ...]:
+    """The laws of what some runs carry; an arm of several joints has its own."""
+    return PAYLOADS
 
 
 def with_run_weights(spec: EffectSpec, weights: tuple[float, ...], problem: Problem) -> EffectSpec:

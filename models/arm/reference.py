@@ -74,16 +74,29 @@ class Reference:
     def shares(self, posture: Mapping[str, float]) -> Real:
         """What each link's own inertia gives to M(q) [kg m^2], shape (n, n, n), link first; their sum is M."""
         found = []
+        for alone in self._alone():
+            full = np.asarray(pin.crba(alone, alone.createData(), self._configuration(posture)))
+            rigid = full - np.diag(np.asarray(self.model.armature))
+            found.append(rigid[np.ix_(self.dofs, self.dofs)])
+        return np.array(found)
+
+    def weights(self, posture: Mapping[str, float]) -> Real:
+        """What holds each link's own weight [N m], shape (n, n), link first; their sum is :meth:`gravity`."""
+        q = self._configuration(posture)
+        found = [pin.computeGeneralizedGravity(alone, alone.createData(), q) for alone in self._alone()]
+        return np.array([np.asarray(torque)[self.dofs] for torque in found])
+
+    def _alone(self) -> list[pin.Model]:
+        """The arm with the inertia of one link only, link by link."""
+        found = []
         for dof in self.dofs:
             alone = self.model.copy()
             for k in range(1, alone.njoints):
                 joint = alone.joints[k]
                 if not joint.idx_v <= dof < joint.idx_v + joint.nv:
                     alone.inertias[k] = pin.Inertia.Zero()
-            full = np.asarray(pin.crba(alone, alone.createData(), self._configuration(posture)))
-            rigid = full - np.diag(np.asarray(self.model.armature))
-            found.append(rigid[np.ix_(self.dofs, self.dofs)])
-        return np.array(found)
+            found.append(alone)
+        return found
 
     def rows(self, posture: Mapping[str, float], probe: Probe) -> tuple[Real, Real]:
         """How a point moves along its axis with the links.
@@ -113,13 +126,11 @@ class Reference:
         angles[self.dofs] = [float(posture.get(name, 0.0)) for name in self.joints]
         return np.asarray(pin.integrate(self.model, pin.neutral(self.model), angles))
 
-
-    def axis(self, posture: Mapping[str, float], joint: str) -> Real:
-        """Axis of a link joint in the world's directions, shape (3,)."""
-        dof = int(self.dofs[self.joints.index(joint)])
+    def axes(self, posture: Mapping[str, float]) -> Real:
+        """Axes of the link joints in the world's directions, shape (n, 3); zero of a joint that slides."""
         data = self.model.createData()
         pin.computeJointJacobians(self.model, data, self._configuration(posture))
-        return np.asarray(data.J)[3:, dof].copy()
+        return np.asarray(data.J)[3:, self.dofs].T.copy()
 
 
 MOUNT = ("mount_turn", "mount_slide")  # what the whole arm does on its mount

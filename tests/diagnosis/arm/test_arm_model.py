@@ -154,7 +154,7 @@ def _both_kernels(problem: ArmProblem, effects: tuple[ActiveEffect, ...]) -> tup
     """The same run by the exact transition and by Runge-Kutta."""
     run, theta = problem.arm_runs[0], true_theta(problem)
     assembly = assembled(run, theta, effects, problem)
-    table = run.plant.reduced(assembly.elastic)
+    table = run.plant.reduced(assembly.elastic, assembly.links, assembly.mount)
     P, kinds, x = rest_state(assembly, table)
     readings, rotor = np.empty((run.steps + 1, 2)), np.zeros(run.steps + 1)
     driven = int(np.flatnonzero(table.joints == run.driven)[0]) if run.driven >= 0 else -1
