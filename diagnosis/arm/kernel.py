@@ -33,7 +33,7 @@ COLUMNS = 19  # of a joint's row
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"contract", "nsz"})
 def _spring(wind_up: float, p: Any) -> float:  # noqa: ANN401 - a numba array
     half = 0.5 * p[GAP]
     d = wind_up
@@ -50,7 +50,7 @@ def _spring(wind_up: float, p: Any) -> float:  # noqa: ANN401 - a numba array
     return float(torque)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def reducer_torque(wind_up: float, rate: float, p: Any) -> float:  # noqa: ANN401
     """T_S of a joint with parameter row ``p`` at a wind-up [rad] and its rate [rad/s]."""
     torque = _spring(wind_up, p)
@@ -59,7 +59,7 @@ def reducer_torque(wind_up: float, rate: float, p: Any) -> float:  # noqa: ANN40
     return float(torque + p[DAMPING] * rate)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def dry_limit(v: float, p: Any) -> float:  # noqa: ANN401
     """Dry friction's size at a speed [N m]: T_c + (T_b - T_c) exp(-(v/v_s)^2)."""
     if p[BREAKAWAY] > p[COULOMB]:
@@ -67,20 +67,20 @@ def dry_limit(v: float, p: Any) -> float:  # noqa: ANN401
     return float(p[COULOMB])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def bristle(z: float, travel: float, reach: float) -> float:
     """Deflection z of Dahl's bristle over its greatest, -1 to 1, after ``travel`` [rad] in one direction."""
     end = 1.0 if travel > 0.0 else -1.0
     return float(end - (end - z) * math.exp(-abs(travel) / reach))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def bristle_torque(z: float, v: float, p: Any) -> float:  # noqa: ANN401
     """What such friction holds back [N m]."""
     return float(z * dry_limit(v, p) * (1.0 + math.copysign(p[SIDED], z)))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _rates(
     x: Any, dx: Any, m: int, P: Any, kind: Any, slip: Any, inverse: Any, gravity: Any, slope: Any,  # noqa: ANN401
     product: Any, k: int, hit: Any, force: float, torque: float, tied: float, tie: float,  # noqa: ANN401
@@ -123,7 +123,7 @@ def _rates(
         dx[m + i] = total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _directions(
     x: Any, m: int, P: Any, kind: Any, slip: Any, torque: float, tied: float, tie: float,  # noqa: ANN401
 ) -> None:  # fmt: skip
@@ -149,7 +149,7 @@ def _directions(
             slip[i] = 1 if net >= 0.0 else -1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def travel(
     inverses: Any, gravities: Any, slopes: Any, products: Any, motions: Any, tilts: Any, biases: Any,  # noqa: ANN401
     statics: Any, hit: Any, k: int, low: float, spacing: float, P: Any, kind: Any, driven: int, force: Any,  # noqa: ANN401
@@ -232,7 +232,7 @@ def travel(
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def shake(
     transition: Any, start: Any, middle: Any, end: Any, u: Any, hold: Any, ramp: Any, springs: Any, rates: Any,  # noqa: ANN401
     P: Any, joints: Any, hold_dry: Any, speeds: Any, dry_joints: Any, hold_soft: Any, ramp_soft: Any,  # noqa: ANN401
