@@ -316,13 +316,15 @@ def explore(
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
-        if size > effort.size or not _worth_more(arena, size - 1):
+        if not _worth_more(arena, size - 1):
             break
         if size == 3:
             found = beside_other_laws(arena.objective, arena.base.fit, arena.hypotheses, candidates, effort)
             arena = _swapped(settled(arena, found, effort) if found else arena, candidates, effort)
             if not _worth_more(arena, size - 1):
                 break
+        if size > effort.size:
+            break
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
     arena = _uncoupled(arena)

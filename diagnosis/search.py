@@ -244,12 +244,9 @@ def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffe
 
 def nested(name: str, taken: tuple[str, ...]) -> bool:
     """Whether an effect is a part of one that is there already, or holds it: Coulomb's law within Stribeck's."""
-    for inner, outer in CONTAINED:
-        for location in ("motor", "load"):
-            pair = {f"{inner}@{location}", f"{outer}@{location}"}
-            if name in pair and pair & set(taken):
-                return True
-    return False
+    effect, _, place = name.partition("@")
+    others = (outer if effect == inner else inner for inner, outer in CONTAINED if effect in (inner, outer))
+    return any(f"{other}@{place}" in taken for other in others)
 
 
 def leaders(trials: Sequence[Trial], count: int, worth: float, taken: tuple[str, ...] = ()) -> list[Trial]:

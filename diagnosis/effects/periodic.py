@@ -1,6 +1,7 @@
 r"""Periodic in position: the gear's kinematic error and the motor's torque ripple.
 
-    Delta = q_s + a sin(order angle + phase) - q          transmission-error
+    Delta = q_s + a sin(order angle + phase) - q          transmission-error; with dDelta/dq_s T_S at the motor and
+                                                          -dDelta/dq T_S at the arm where the error does no work
     tau + a sin(order angle + phase)                      torque-ripple (cogging), or a share of tau
     a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x for a sin x    either with two harmonics
 
@@ -73,6 +74,14 @@ def _error(per_output: bool) -> Apply:
         for amplitude, order, phase in harmonics(values):
             per_motor, per_load = (0.0, order) if per_output else (order * assembly.ratio, 0.0)
             assembly.line(kernel.TE_0, kernel.N_TE, (amplitude, per_motor, per_load, phase))
+
+    return apply
+
+
+def _reacting(per_output: bool) -> Apply:
+    def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        _error(per_output)(assembly, values, weight)
+        assembly.P[kernel.TE_REACTS] = 1.0
 
     return apply
 
@@ -241,7 +250,18 @@ def _with_harmonics(spec: EffectSpec) -> EffectSpec:
     )
 
 
+def _without_work(spec: EffectSpec) -> EffectSpec:
+    """The error as gears make it, which store no more than the spring does; fitted from where the line alone was found."""
+    per_output = spec.variant == "output-order"
+    return replace(
+        spec, variant=f"{spec.variant}-reacting", apply=_reacting(per_output),
+        law=f"{spec.law}, with dDelta/dq_s T_S at the motor, -dDelta/dq T_S at the arm",
+        starts=lambda problem: ((2.0 if per_output else 1.0, 0.0),), residual_starts=None,
+    )  # fmt: skip
+
+
 SPECS: tuple[EffectSpec, ...] = (
     *_PLAIN,
+    *(_without_work(spec) for spec in _PLAIN if spec.name == "transmission-error"),
     *(_with_harmonics(spec) for spec in _PLAIN if spec.variant != "load-proportional"),
 )

@@ -48,12 +48,15 @@ def _rates_source(
     if S[LOAD_PRESCRIBED]:
         q, v = y, w
 
-    error, error_rate = 0.0, 0.0
+    error, error_rate, back_m, back_l = 0.0, 0.0, 0.0, 0.0
     for i in range(S[N_TE]):
         b = TE_0 + 4 * i
         arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
         error += P[b] * math.sin(arg)
-        error_rate += P[b] * math.cos(arg) * (P[b + 1] * v_s + P[b + 2] * v)
+        slope = P[b] * math.cos(arg)
+        error_rate += slope * (P[b + 1] * v_s + P[b + 2] * v)
+        back_m += slope * P[b + 1]
+        back_l += slope * P[b + 2]
     delta = q_s + error - q
     rate = v_s + error_rate - v
 
@@ -102,7 +105,7 @@ def _rates_source(
     for i in range(S[N_RIPPLE]):
         b = RIPPLE_0 + 4 * i
         tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
-    force_m = tau - T - P[B_M] * v_s
+    force_m = tau - (1.0 + P[TE_REACTS] * back_m) * T - P[B_M] * v_s
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if S[PRE_SITE] == AT_MOTOR:
@@ -146,7 +149,7 @@ def _rates_source(
         dx[j], dx[j + 1] = x[j + 1], beta_2
 
     # load side
-    force_l = T + ul - P[B_L] * v - P[G_CONST]
+    force_l = (1.0 - P[TE_REACTS] * back_l) * T + ul - P[B_L] * v - P[G_CONST]
     if S[TABLE_SITE] == AT_LOAD:
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if P[ROUND_L_SPEED] != 0.0:

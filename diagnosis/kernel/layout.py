@@ -74,7 +74,8 @@ ROUND_M_QUADRANT, ROUND_L_QUADRANT = (
     151,
 )  # share by which friction per torque is less where the torque drives the motion, and more where it brakes it
 GAP_IMPACT = 152  # damping per elastic torque [s/rad]: Hunt and Crossley's
-N_P = 153
+TE_REACTS = 153  # 1 where a kinematic error does no work: T_S drives what turns it, too
+N_P = 154
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -40,12 +40,16 @@ def _scalar_rates_source(
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
     lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre = on
     delta, rate = q_s - q, v_s - v
+    back_m, back_l = 0.0, 0.0
     if rich:
         for i in range(lines):
             b = TE_0 + 4 * i
             arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
             delta += P[b] * math.sin(arg)
-            rate += P[b] * math.cos(arg) * (P[b + 1] * v_s + P[b + 2] * v)
+            slope = P[b] * math.cos(arg)
+            rate += slope * (P[b + 1] * v_s + P[b + 2] * v)
+            back_m += slope * P[b + 1]
+            back_l += slope * P[b + 2]
     el, contact = delta, 1.0
     if gap > 0.0:
         el = delta - centre
@@ -99,6 +103,8 @@ def _scalar_rates_source(
             b = RIPPLE_0 + 4 * i
             tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
     net_m = tau - T - b_m * v_s
+    if rich and lines > 0:
+        net_m -= P[TE_REACTS] * back_m * T
     if rich and table == AT_MOTOR:
         net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
     if rich and round_m:
@@ -140,6 +146,8 @@ def _scalar_rates_source(
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
     net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
+    if rich and lines > 0:
+        net_l -= P[TE_REACTS] * back_l * T
     if rich and table == AT_LOAD:
         net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
     if rich and round_l:

@@ -113,7 +113,10 @@ def drift(building: Building, location: str, variant: str, p: Parameters) -> str
 
 
 def kinematic_error(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """Delta = q_s + a sin(order angle + phase) - q, or a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x."""
+    """Delta = q_s + a sin(order angle + phase) - q, or a sin x + h_s sin 2x + h_c cos 2x + g_s sin 3x + g_c cos 3x.
+
+    One that does no work ("reacting") hands T_S on by dDelta/dq_s and dDelta/dq.
+    """
     per_output = variant.startswith("output-order")
     for amplitude, order, phase in lines_of(p):
         building.law(
@@ -122,6 +125,7 @@ def kinematic_error(building: Building, location: str, variant: str, p: Paramete
             per_motor=0.0 if per_output else order * building.ratio,
             per_load=order if per_output else 0.0,
             phase=phase,
+            **({"reacts": True} if variant.endswith("-reacting") else {}),
         )
     return ""
 

@@ -102,7 +102,8 @@ class _JointLaw:
         self.held = frame.arm_angle  # q_s while no joint moves the motor; set at t = 0
         self.force = np.zeros(model.nv)
         by_kind = {kind: [law for law in laws if law["kind"] == kind] for kind in MECHANICS}
-        self.lines = [_line(law) for law in by_kind["transmission-error"]]
+        self.lines = [(*_line(law), bool(law.get("reacts", False))) for law in by_kind["transmission-error"]]
+        self.back = (0.0, 0.0)  # de/dq_s and de/dq of the errors that do no work
         self.memories = [MEMORIES[kind](law) for kind in MEMORIES for law in by_kind[kind]]
         self.drift = sum(float(law["rate"]) for law in by_kind["stiffness-drift"])
         self.tables = {
@@ -158,8 +159,9 @@ class _JointLaw:
         if self.on_spring or self.share:
             torque = self._transmission(t, q_s, v_s, x, v)
             if self.on_spring:
-                force[self.reducer] = torque - self.spring.native(-x, -v)
+                force[self.reducer] = (1.0 - self.back[1]) * torque - self.spring.native(-x, -v)
         if self.motor >= 0:
+            force[self.motor] -= sum(self.back) * torque
             for share, per_motor, _per_load, phase in self.ripples:
                 angle = per_motor * (q_s + self.frame.motor_zero) + phase
                 force[self.motor] += share * self.gear * self.command.torque * math.sin(angle)
@@ -192,10 +194,15 @@ class _JointLaw:
     def _transmission(self, t: float, q_s: float, v_s: float, x: float, v: float) -> float:
         """T_S [N m]."""
         delta, rate = -x, -v
-        for amplitude, per_motor, per_load, phase in self.lines:
+        by_motor, by_load = 0.0, 0.0
+        for amplitude, per_motor, per_load, phase, reacts in self.lines:
             angle = per_motor * (q_s + self.frame.motor_zero) + per_load * (q_s + x) + phase
             delta += amplitude * math.sin(angle)
-            rate += amplitude * math.cos(angle) * (per_motor * v_s + per_load * (v_s + v))
+            slope = amplitude * math.cos(angle)
+            rate += slope * (per_motor * v_s + per_load * (v_s + v))
+            by_motor += slope * per_motor * reacts
+            by_load += slope * per_load * reacts
+        self.back = by_motor, by_load
         torque = self.spring.torque(delta, rate, 1.0 + self.drift * (t + self.frame.origin))
         for memory in self.memories:
             torque += memory(t, delta, rate)

@@ -48,6 +48,32 @@ def test_undamped_joint_conserves_energy():
     assert np.ptp(momentum) < 1e-11
 
 
+@pytest.mark.parametrize(("per_motor", "per_load"), [(200.0, 0.0), (0.0, 60.0)])
+@pytest.mark.parametrize("loop", [False, True])
+def test_a_kinematic_error_that_reacts_does_no_work(per_motor, per_load, loop):
+    """With T_S handed on by dDelta/dq_s and dDelta/dq the energy of inertias and spring is kept; without it is not.
+
+    By the scalar stepper, and by the one with a state vector (a loop that does nothing makes it step so).
+    """
+    line = {"TE_0": 4e-5, "TE_0+1": per_motor, "TE_0+2": per_load}
+
+    def drift(reacts):
+        P, S = packed(MOTOR=k.MOTOR_FREE, N_TE=1, TE_REACTS=reacts)
+        for offset, value in enumerate(line.values()):
+            P[k.TE_0 + offset] = value
+        x = (1e-3, 0.6, 0.0, 0.6)
+        if loop:
+            S[k.AT_LOOP], S[k.N_X] = 4, 5
+            x = (*x, 0.0)
+        _, out = run(P, S, x=x, duration=1.0, rate=8000.0)
+        q_s, q = out[:, k.X_QS], out[:, k.X_Q]
+        error = 4e-5 * np.sin(per_motor * q_s + per_load * q)
+        energy = 0.5 * (9.1 * out[:, k.X_VS] ** 2 + 3.0 * out[:, k.X_V] ** 2 + 1.9e5 * (q_s + error - q) ** 2)
+        return np.ptp(energy) / energy[0]
+
+    assert drift(1.0) < 1e-5 < 1e-4 < drift(0.0)
+
+
 def test_error_falls_with_the_fourth_power_of_the_step():
     P, S = packed(MOTOR=k.MOTOR_FREE, C=40.0, K_3=2e10)
     force = lambda t: 200.0 * np.exp(-(((t - 0.05) / 0.01) ** 2))  # noqa: E731
