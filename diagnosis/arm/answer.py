@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from jointscope.diagnosis.answer import diagnosis_json, finite_or_none
-from jointscope.diagnosis.arm.effects import SEPARATOR, split_location
+from jointscope.diagnosis.arm.law import SEPARATOR, split_location
 from jointscope.diagnosis.arm.predict import free_prediction
 from jointscope.diagnosis.arm.problem import PER_JOINT, ArmProblem
 

@@ -1,7 +1,6 @@
 r"""What can be left out of an arm's model, joint by joint: the catalogue's laws, each at every joint that shows it.
 
-An effect's location carries its joint, ``transmission:elbow_joint``; the answer parts them again. Laws, all at the joint
-output:
+Laws, all at the joint output:
 
     motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
                   the same with Dahl's bristle in place of the stick, and unlike in the two directions
@@ -14,23 +13,21 @@ output:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from jointscope.diagnosis.arm import kernel
+from jointscope.diagnosis.arm.law import SEPARATOR, Put, applied, arm_law
 from jointscope.diagnosis.arm.plant import Mount
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.effects import catalogue, payloads
-from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Family, Location, ParameterSpec, Values, one_start
+from jointscope.diagnosis.effects.spec import EffectSpec, Location, ParameterSpec, Values, one_start
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.predict import ArmAssembly
 
-Put = Callable[["ArmAssembly", Values], None]
-SEPARATOR = ":"
 MICRO = 1e-5  # rad/s: a rotor that moves less says nothing of its friction
 TRIED = (
     14.0,
@@ -45,50 +42,6 @@ HIGHEST_MOUNT = 120.0  # Hz, the same of a mount
 MOST_SEATS = 4  # of accelerometers, beyond which no one's fault is looked for
 DEPTHS = (0.0, 0.3)  # m of a mount's axis under the arm's origin, tried
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
-
-
-def split_location(location: str) -> tuple[str, str | None]:
-    """``transmission:elbow_joint`` as place and joint."""
-    place, _, joint = location.partition(SEPARATOR)
-    return place, joint or None
-
-
-def _applied(put: Put) -> Apply:
-    def apply(assembly: object, values: Values, weight: float) -> None:
-        put(cast("ArmAssembly", assembly), values)
-
-    return apply
-
-
-def _spec(
-    name: str,
-    place: str,
-    joint: str | None,
-    variant: str,
-    family: Family,
-    parameters: tuple[ParameterSpec, ...],
-    put: Put,
-    law: str,
-    scale: tuple[float, float, float],
-    starts: tuple[Values, ...],
-    revealed_by: tuple[str, ...],
-    look_alikes: tuple[str, ...],
-) -> EffectSpec:
-    location = place if joint is None else f"{place}{SEPARATOR}{joint}"
-    return EffectSpec(
-        name=name,
-        location=cast("Location", location),
-        variant=variant,
-        family=family,
-        parameters=parameters,
-        law=law,
-        revealed_by=revealed_by,
-        look_alikes=look_alikes,
-        apply=_applied(put),
-        scale=lambda problem: scale,
-        starts=one_start if starts == ((),) else lambda problem: starts,
-        possible=lambda problem: None,
-    )
 
 
 def _setter(joint: int, *columns: int) -> Put:
@@ -109,7 +62,7 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
         assembly.P[j, kernel.COULOMB] += values[0]
         assembly.P[j, kernel.BREAKAWAY] += values[0]
 
-    coulomb = _spec(
+    coulomb = arm_law(
         "coulomb-friction", "motor", joint, "stick", "dissipative", (torque,), put_coulomb,
         "T_c sgn(s'), sticking while less than T_c acts", scale, ((),), ("torque-sweep", "speed-motion"),
         ("stribeck-friction", "backlash"),
@@ -122,7 +75,7 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
     asymmetry = ParameterSpec("asymmetry", "1", -0.6, 0.6)
     unlike = replace(
         coulomb, variant="stick-unlike", parameters=(torque, asymmetry), starts=lambda problem: ((0.0,),),
-        law="T_c (1 +- asymmetry) sgn(s'), sticking", apply=_applied(put_unlike),
+        law="T_c (1 +- asymmetry) sgn(s'), sticking", apply=applied(put_unlike),
     )  # fmt: skip
 
     def put_presliding(assembly: ArmAssembly, values: Values) -> None:
@@ -134,7 +87,7 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
         unlike, variant="presliding", parameters=(
             torque, asymmetry, ParameterSpec("presliding", "rad", 1e-3 * turned, 3.0 * turned, log=True)
         ), starts=lambda problem: tuple((0.0, share * turned) for share in (0.02, 0.1, 0.4)),
-        law="T_c z (1 +- asymmetry), z' = (s' - |s'| z)/presliding", apply=_applied(put_presliding),
+        law="T_c z (1 +- asymmetry), z' = (s' - |s'| z)/presliding", apply=applied(put_presliding),
     )  # fmt: skip
 
     def put_stribeck(assembly: ArmAssembly, values: Values) -> None:
@@ -149,7 +102,7 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
         ParameterSpec("breakaway_ratio", "1", 1.15, 4.0),
         ParameterSpec("stribeck_velocity", "rad/s", 0.003 * speed, 1.0 * speed, log=True),
     )
-    stribeck = _spec(
+    stribeck = arm_law(
         "stribeck-friction", "motor", joint, "stick", "dissipative", wider,
         put_stribeck, "(T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')", scale,
         tuple((1.6, share * speed) for share in (0.02, 0.08, 0.3)), ("torque-sweep", "speed-motion"),
@@ -177,22 +130,23 @@ def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
     gap = ParameterSpec("gap", "rad", 0.0, 6.0 * wind_up, null=0.0)
     sizes = (0.02 * wind_up, 0.15 * wind_up, 0.7 * wind_up)
     found = []
-    for variant, damped in (("undamped-gap", 0.0), ("damped-gap", 1.0)):
+    for variant, damped, sheds in (("undamped-gap", 0.0, 0.0), ("damped-gap", 1.0, 0.0), ("sheds", 0.0, 1.0)):
 
-        def put(assembly: ArmAssembly, values: Values, damped: float = damped) -> None:
+        def put(assembly: ArmAssembly, values: Values, damped: float = damped, sheds: float = sheds) -> None:
             assembly.P[j, kernel.GAP] = values[0]
             assembly.P[j, kernel.GAP_DAMPING] = damped
+            assembly.P[j, kernel.SHEDS] = sheds
 
         found.append(
-            _spec(
+            arm_law(
                 "backlash", "transmission", joint, variant, "stiffness", (gap,), put,
-                "T_S = K dz(Delta, gap) + c Delta' (outside the gap, or everywhere)", sizes, ((),),
+                "T_S = K dz(Delta, gap) + c Delta' (outside the gap, everywhere, or where a flank does not pull)", sizes, ((),),
                 ("hammer", "torque-sweep", "speed-motion"), ("stiffness-nonlinearity", "coulomb-friction"),
             )
         )  # fmt: skip
     size = K / wind_up**2
     found.append(
-        _spec(
+        arm_law(
             "stiffness-nonlinearity", "transmission", joint, "cubic", "stiffness",
             (ParameterSpec("cubic", "N m/rad^3", -0.3 * size, 10.0 * size, null=0.0),), _setter(j, kernel.CUBIC),
             "T_S = K Delta + k_3 Delta^3", (0.02 * size, 0.1 * size, 0.5 * size), ((),), ("hammer", "torque-sweep"),
@@ -204,7 +158,7 @@ def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
         assembly.P[j, kernel.SOFT_SHARE], assembly.P[j, kernel.SOFT_WIDTH] = values
 
     found.append(
-        _spec(
+        arm_law(
             "stiffness-nonlinearity", "transmission", joint, "soft-centre", "stiffness",
             (
                 ParameterSpec("soft_share", "1", -3.0, 0.7, null=0.0),
@@ -221,17 +175,21 @@ def _neighbour(problem: ArmProblem, j: int) -> list[EffectSpec]:
     joint, inertia = problem.facts.joints[j], float(problem.locked_inertia[j])
 
     def put(assembly: ArmAssembly, values: Values) -> None:
-        frequency, ratio = values
+        frequency, ratio, of_file = values
         if not math.isfinite(frequency):
             return
-        K = inertia * (2.0 * math.pi * frequency) ** 2
+        own = inertia * of_file
+        K = own * (2.0 * math.pi * frequency) ** 2
         assembly.elastic = assembly.elastic.copy()
         assembly.elastic[j] = True
         assembly.P[j, kernel.STIFFNESS] = K
-        assembly.P[j, kernel.DAMPING] = 2.0 * ratio * math.sqrt(K * inertia)
+        assembly.P[j, kernel.DAMPING] = 2.0 * ratio * math.sqrt(K * own)
+        added = list(assembly.links.added)
+        added[j] += own - inertia
+        assembly.links = replace(assembly.links, added=tuple(added))
 
     return [
-        _spec(
+        arm_law(
             "neighbour-flexibility",
             "neighbour",
             joint,
@@ -240,11 +198,12 @@ def _neighbour(problem: ArmProblem, j: int) -> list[EffectSpec]:
             (
                 ParameterSpec("frequency", "Hz", 2.0, HIGHEST, log=True, null=math.inf),
                 ParameterSpec("damping", "1", 0.002, 0.5, log=True),
+                ParameterSpec("link_inertia", "1", 0.4, 2.5, log=True),
             ),
             put,
-            "a reducer between the links: K_j = M_jj (2 pi f)^2, f with every other joint rigid",
+            "a reducer between the links: K_j = M_jj (2 pi f)^2, f with every other joint rigid; M_jj over the file's",
             (2.0 * tried, tried, 0.6 * tried),
-            ((0.03,),),
+            ((0.03, 1.0),),
             ("hammer", "torque-sweep", "speed-motion"),
             ("link-flexibility",),
         )
@@ -267,7 +226,7 @@ def _mount(problem: ArmProblem) -> list[EffectSpec]:
         assembly.P[-1, kernel.DAMPING] = 2.0 * ratio * math.sqrt(K * inertia)
 
     return [
-        _spec(
+        arm_law(
             "base-compliance", "base", None, f"mount, from {tried:g} Hz", "mode",
             (
                 ParameterSpec("frequency", "Hz", 2.0, HIGHEST_MOUNT, log=True, null=math.inf),
@@ -328,11 +287,11 @@ def _drive(problem: ArmProblem, j: int) -> list[EffectSpec]:
             assembly.lag = values[0]
 
     return [
-        _spec(
+        arm_law(
             "torque-gain", "motor", joint, "factor", "input", (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),),
             put_gain, "n T_e times gain", (1.01, 1.05, 1.2), ((),), ("torque-sweep", "speed-motion"), ("sensor-gain",),
         ),
-        _spec(
+        arm_law(
             "drive-lag", "motor", joint, "first-order", "input",
             (ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),), put_lag,
             "n T_e behind a first-order lag", (2e-4, 1e-3, 4e-3), ((),), ("torque-sweep",), ("delay",),
@@ -349,7 +308,7 @@ def _recorder(problem: ArmProblem) -> list[EffectSpec]:
             assembly.late = values[0]
 
         found.append(
-            _spec(
+            arm_law(
                 "delay", "acquisition", None, "constant", "sensor-time",
                 (ParameterSpec("delay", "s", -0.02, 0.02, null=0.0),), put_delay, "the drive's log stamps late",
                 (2e-4, 1e-3, 4e-3), ((),), ("torque-sweep",), ("drive-lag",),
@@ -357,7 +316,7 @@ def _recorder(problem: ArmProblem) -> list[EffectSpec]:
         )  # fmt: skip
 
     def gain(put: Put, law: str, variant: str) -> EffectSpec:
-        return _spec(
+        return arm_law(
             "sensor-gain", "acquisition", None, variant, "sensor-gain",
             (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),), put, law, (1.01, 1.05, 1.2), ((),),
             ("hammer", "torque-sweep"), ("torque-gain",),

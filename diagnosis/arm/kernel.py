@@ -26,9 +26,9 @@ from numba import njit
 (
     STIFFNESS, DAMPING, ROTOR_INERTIA, ROTOR_DAMPING, DRIVE_STIFFNESS, DRIVE_DAMPING, COULOMB, BREAKAWAY,
     STRIBECK_SPEED, GAP, GAP_DAMPING, CUBIC, SOFT_SHARE, SOFT_WIDTH, REST_TORQUE, REST_WIND_UP, LINK_DAMPING,
-    SIDED, PRESLIDING,
-) = range(19)  # fmt: skip
-COLUMNS = 19  # of a joint's row
+    SIDED, PRESLIDING, SHEDS,
+) = range(20)  # fmt: skip
+COLUMNS = 20  # of a joint's row
 
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
 
@@ -56,7 +56,10 @@ def reducer_torque(wind_up: float, rate: float, p: Any) -> float:  # noqa: ANN40
     torque = _spring(wind_up, p)
     if p[GAP] > 0.0 and abs(wind_up) < 0.5 * p[GAP]:
         return float(torque + p[GAP_DAMPING] * p[DAMPING] * rate)
-    return float(torque + p[DAMPING] * rate)
+    whole = torque + p[DAMPING] * rate
+    if p[SHEDS] != 0.0 and whole * torque < 0.0:  # a flank does not pull
+        return 0.0
+    return float(whole)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})

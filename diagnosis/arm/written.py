@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from jointscope.atomic import write_text
 from jointscope.diagnosis.arm.answer import arm_answer
-from jointscope.diagnosis.arm.effects import split_location
+from jointscope.diagnosis.arm.law import split_location
 from jointscope.diagnosis.arm.pipeline import diagnose_arm
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.errors import held_out_lines

@@ -145,7 +145,7 @@ def test_flexibility_of_a_rigid_neighbour_is_found_again_at_its_frequency(hit: A
     assert spec.location == "neighbour:b"
     M = float(hit.locked_inertia[1])
     frequency, ratio = np.sqrt(9000.0 / M) / (2.0 * np.pi), 8.0 / (2.0 * np.sqrt(9000.0 * M))
-    found = predict_outputs(hit.runs[0], true_theta(rigid), (ActiveEffect(spec, (frequency, ratio)),), rigid)
+    found = predict_outputs(hit.runs[0], true_theta(rigid), (ActiveEffect(spec, (frequency, ratio, 1.0)),), rigid)
     for a, b in zip(predict_outputs(hit.runs[0], true_theta(hit), (), hit), found, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-9 * float(np.max(np.abs(a))))
 
