@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.effects.lines import spectral_peaks
-from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.refit import fitted_on
 from jointscope.diagnosis.resonances import FREE
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, profile_loss
 
@@ -62,22 +62,9 @@ def modes_apart(
                 fits.append(fit_child(objective, base, [near], effort))
         reached = [fit for fit in fits if fit is not None]
         if reached:
-            best = _to_its_end(objective, min(reached, key=lambda fit: fit.chi2))
+            best = fitted_on(objective, min(reached, key=lambda fit: fit.chi2), *FREE)
             found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
     return found
-
-
-def _to_its_end(objective: Objective, fit: Fit) -> Fit:
-    """The fit as far as it goes: one that begins far from the data is short of it when a first fit's budget is spent."""
-    return least_squares(
-        objective,
-        fit.coordinates,
-        fit.x,
-        jacobian=fit.jacobian,
-        iterations=FREE[0],
-        tolerance=3e-3,
-        simulations=FREE[1],
-    )
 
 
 def _laws(candidates: Sequence[ActiveEffect]) -> list[list[ActiveEffect]]:

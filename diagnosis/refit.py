@@ -253,6 +253,14 @@ def least_squares(
     )
 
 
+def fitted_on(objective: Objective, fit: Fit, iterations: int, simulations: int) -> Fit:
+    """The fit as far as it goes: one that began far from the data is short of it when a first fit's budget is spent."""
+    return least_squares(
+        objective, fit.coordinates, fit.x, jacobian=fit.jacobian, iterations=iterations, tolerance=3e-3,
+        simulations=simulations,
+    )  # fmt: skip
+
+
 def with_fresh_jacobian(objective: Objective, fit: Fit) -> Fit:
     """The fit with its Jacobian recomputed where it stands."""
     if fit.fresh:

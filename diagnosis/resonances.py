@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
-from jointscope.diagnosis.refit import Fit, least_squares
+from jointscope.diagnosis.refit import Fit, fitted_on, least_squares
 from jointscope.diagnosis.search import Hypothesis, held_at, name_of, profile_loss
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ HOPELESS = 10.0  # times the base's misfit, beyond which a softer joint is not a
 ALONG = (3, 8)  # steps and simulations per frequency of the path
 FREED = 2  # minima of the paths that are freed
 FREE = (30, 100)  # steps and simulations then: modes of neighbouring joints are told apart by converged fits only
-ON = (60, 250)  # the same for one that leaves this much less than the base:
-WORTH = 0.9
+WORTH = 0.9  # of what the base leaves; a mode that leaves less is fitted on ...
+ON = (60, 250)  # ... for so many steps and simulations
 
 
 def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
@@ -50,7 +50,11 @@ def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffec
             start for active in of_name.values() for start in _minima(_path(objective, base, active))[:FREED]
         ]
         freed = [_freed(objective, start) for start in sorted(starts, key=lambda fit: fit.chi2)[:FREED]]
-        best = _to_its_end(objective, base, min(freed, key=lambda fit: fit.chi2))
+        best = min(freed, key=lambda fit: fit.chi2)
+        if (
+            not best.converged and best.chi2 < WORTH * base.chi2
+        ):  # beside free inertias a frequency's valley is narrow
+            best = fitted_on(objective, best, *ON)
         if best.chi2 < base.chi2:
             found.append(Hypothesis(best.coordinates.effects, best, profile_loss(objective, best.w)))
     return found
@@ -92,19 +96,4 @@ def _freed(objective: Objective, start: Fit) -> Fit:
     jacobian[:, own.start :] = objective.columns(start.x, where, start.w, own)
     return least_squares(
         objective, where, start.x, jacobian=jacobian, iterations=FREE[0], tolerance=3e-3, simulations=FREE[1]
-    )
-
-
-def _to_its_end(objective: Objective, base: Fit, fit: Fit) -> Fit:
-    """Fitted on where it explains anything: beside inertias that are free the valley of a frequency is narrow."""
-    if fit.converged or fit.chi2 > WORTH * base.chi2:
-        return fit
-    return least_squares(
-        objective,
-        fit.coordinates,
-        fit.x,
-        jacobian=fit.jacobian,
-        iterations=ON[0],
-        tolerance=3e-3,
-        simulations=ON[1],
     )

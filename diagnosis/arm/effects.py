@@ -38,10 +38,10 @@ TRIED = (
 )  # Hz at which a neighbour's flexibility is screened: its shape changes with it
 SLOWEST = 2.0 * math.pi * 10.0  # rad/s of a rotor's oscillation, by which its speed tells how far it turns
 LEAST = 1e-3  # of the tested joint's inertia, that the last link gives to it, for its load to be told by that
-HIGHEST_MOUNT = 120.0  # Hz, the same of a mount
 MOST_SEATS = 4  # of accelerometers, beyond which no one's fault is looked for
 DEPTHS = (0.0, 0.3)  # m of a mount's axis under the arm's origin, tried
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
+HIGHEST_MOUNT = 120.0  # Hz, the same of a mount
 
 
 def _setter(joint: int, *columns: int) -> Put:

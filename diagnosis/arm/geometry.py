@@ -108,6 +108,10 @@ def arm_facts(campaign: Campaign) -> ArmFacts:
     spec = rigid_spec(path)
     model = spec.compile()
     names = [joint.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE]
+    if not all(names):
+        raise InputError(
+            path, None, "holds a hinge without a name", fix="name every joint: runs and answers go by it"
+        )
     wind_ups = _wind_ups(model, names)
     joints = tuple(n for n in names if n not in wind_ups.values())
     links = tuple(wind_ups.get(n, n) for n in joints)

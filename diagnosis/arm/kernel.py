@@ -72,7 +72,10 @@ def dry_limit(v: float, p: Any) -> float:  # noqa: ANN401
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def bristle(z: float, travel: float, reach: float) -> float:
-    """Deflection z of Dahl's bristle over its greatest, -1 to 1, after ``travel`` [rad] in one direction."""
+    """Deflection z of Dahl's bristle over its greatest, -1 to 1, after ``travel`` [rad] in one direction.
+
+    The single joint's kernel has the same; code compiled here is kept by this file's date and must not call another's.
+    """
     end = 1.0 if travel > 0.0 else -1.0
     return float(end - (end - z) * math.exp(-abs(travel) / reach))
 

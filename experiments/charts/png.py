@@ -20,12 +20,8 @@ Corner = Literal["upper right", "upper left", "lower right", "lower left"]
 
 _INCH = 100.0  # px
 _WIDTH = 9.4  # inches
-_MARGINS = (
-    0.95,
-    0.15,
-    0.5,
-    0.3,
-)  # left, right, below, above every panel [inches]: a layout by text extents draws all twice
+# left, right, below, above every panel [inches]; a layout by the extents of texts draws all twice
+_MARGINS = (0.95, 0.15, 0.5, 0.3)
 _LETTER = 0.068  # inches of a label's letter
 _LEGEND = (0.3, 0.3)  # of the axes' width and height, that a legend may take
 

@@ -6,6 +6,7 @@ engines check each other. With the rotor at zero and the reducer at q, the block
 
 from __future__ import annotations
 
+import functools
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
@@ -24,6 +25,8 @@ from jointscope.models.arm.table import Payload
 from jointscope.models.parameters import STANDARD_GRAVITY
 
 Real = NDArray[np.float64]
+
+MOUNT = ("mount_turn", "mount_slide")  # what the whole arm does on its mount
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ class Reference:
     def shares(self, posture: Mapping[str, float]) -> Real:
         """What each link's own inertia gives to M(q) [kg m^2], shape (n, n, n), link first; their sum is M."""
         found = []
-        for alone in self._alone():
+        for alone in self._alone:
             full = np.asarray(pin.crba(alone, alone.createData(), self._configuration(posture)))
             rigid = full - np.diag(np.asarray(self.model.armature))
             found.append(rigid[np.ix_(self.dofs, self.dofs)])
@@ -83,10 +86,11 @@ class Reference:
     def weights(self, posture: Mapping[str, float]) -> Real:
         """What holds each link's own weight [N m], shape (n, n), link first; their sum is :meth:`gravity`."""
         q = self._configuration(posture)
-        found = [pin.computeGeneralizedGravity(alone, alone.createData(), q) for alone in self._alone()]
+        found = [pin.computeGeneralizedGravity(alone, alone.createData(), q) for alone in self._alone]
         return np.array([np.asarray(torque)[self.dofs] for torque in found])
 
-    def _alone(self) -> list[pin.Model]:
+    @functools.cached_property
+    def _alone(self) -> tuple[pin.Model, ...]:
         """The arm with the inertia of one link only, link by link."""
         found = []
         for dof in self.dofs:
@@ -96,7 +100,7 @@ class Reference:
                 if not joint.idx_v <= dof < joint.idx_v + joint.nv:
                     alone.inertias[k] = pin.Inertia.Zero()
             found.append(alone)
-        return found
+        return tuple(found)
 
     def rows(self, posture: Mapping[str, float], probe: Probe) -> tuple[Real, Real]:
         """How a point moves along its axis with the links.
@@ -131,9 +135,6 @@ class Reference:
         data = self.model.createData()
         pin.computeJointJacobians(self.model, data, self._configuration(posture))
         return np.asarray(data.J)[3:, self.dofs].T.copy()
-
-
-MOUNT = ("mount_turn", "mount_slide")  # what the whole arm does on its mount
 
 
 def arm_reference(arm: ElasticArm) -> Reference:

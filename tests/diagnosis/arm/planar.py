@@ -72,6 +72,16 @@ def stepped(
     return times, step_arm(held, rest, commands), held, rest
 
 
+def swept(folder: Path) -> Campaign:
+    """A torque sweep of rotor a, the drives holding."""
+    hold: dict[str, HoldKind] = {"a": "drive", "b": "drive"}
+    times = np.arange(round(1.5 / STEP)) * STEP
+    fade = np.clip(np.minimum(times - 0.2, 1.3 - times) / 0.1, 0.0, 1.0)
+    torque = 60.0 * fade * np.sin(2.0 * np.pi * (5.0 + 20.0 * times) * times)
+    _, trajectory, _, _ = stepped(planar_arm(folder), hold, 1.5, torque=torque)
+    return campaign_of(folder, (driven_run(times, trajectory, hold, np.zeros_like(times), "torque-sweep"),))
+
+
 def channel(
     column: str, quantity: str, unit: str, role: str, samples: Real, probe: Probe | None, joint: str
 ) -> Channel:

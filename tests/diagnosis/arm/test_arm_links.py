@@ -18,6 +18,7 @@ from jointscope.diagnosis.arm.plant import Links, Mount
 from jointscope.diagnosis.arm.predict import predict_outputs
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.effects.spec import ActiveEffect
+from jointscope.errors import InputError
 from jointscope.models.arm.reference import mounted_reference
 
 BRAKED = {"a": "brake", "b": "brake"}
@@ -147,3 +148,11 @@ def test_a_hinge_on_a_spring_is_elastic_and_a_balancer_is_none(tmp_path, stiffne
     facts = arm_facts(planar.campaign_of(tmp_path, (planar.hit_run(times, trajectory, BRAKED),)))
     assert facts.joints == ("a", "b") and bool(facts.elastic[1]) is elastic
     assert facts.stiffness[1] == (stiffness if elastic else 0.0)
+
+
+def test_a_hinge_without_a_name_is_refused_in_one_line(tmp_path):
+    times, trajectory, _, _ = planar.stepped(planar.planar_arm(tmp_path), BRAKED, 0.4)
+    nameless = planar.MJCF.replace('<joint name="b_elastic" ', "<joint ")
+    (tmp_path / "arm.xml").write_text(nameless, encoding="utf-8")
+    with pytest.raises(InputError, match=r"arm\.xml.*without a name.*name every joint"):
+        arm_facts(planar.campaign_of(tmp_path, (planar.hit_run(times, trajectory, BRAKED),)))

@@ -48,13 +48,7 @@ def hit(tmp_path_factory: pytest.TempPathFactory) -> ArmProblem:
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> ArmProblem:
-    folder = tmp_path_factory.mktemp("sweep")
-    times = np.arange(round(1.5 / planar.STEP)) * planar.STEP
-    fade = np.clip(np.minimum(times - 0.2, 1.3 - times) / 0.1, 0.0, 1.0)
-    torque = 60.0 * fade * np.sin(2.0 * np.pi * (5.0 + 20.0 * times) * times)
-    _, trajectory, _, _ = planar.stepped(planar.planar_arm(folder), DRIVEN, 1.5, torque=torque)
-    run = planar.driven_run(times, trajectory, DRIVEN, np.zeros_like(times), "torque-sweep")
-    return prepare_arm(planar.campaign_of(folder, (run,)))
+    return prepare_arm(planar.swept(tmp_path_factory.mktemp("sweep")))
 
 
 @pytest.fixture(scope="module")

@@ -17,25 +17,20 @@ from jointscope.diagnosis.arm.predict import assembled, rest_state
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.effects.spec import ActiveEffect
-
-DRIVEN = {"a": "drive", "b": "drive"}
+from jointscope.diagnosis.kernel.laws import hysteresis
+from jointscope.diagnosis.kernel.layout import DAHL
 
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("presliding")
-    times = np.arange(round(1.5 / planar.STEP)) * planar.STEP
-    fade = np.clip(np.minimum(times - 0.2, 1.3 - times) / 0.1, 0.0, 1.0)
-    torque = 60.0 * fade * np.sin(2.0 * np.pi * (5.0 + 20.0 * times) * times)
-    _, trajectory, _, _ = planar.stepped(planar.planar_arm(folder), DRIVEN, 1.5, torque=torque)
-    run = planar.driven_run(times, trajectory, DRIVEN, np.zeros_like(times), "torque-sweep")
-    return prepare_arm(planar.campaign_of(folder, (run,)))
+    return prepare_arm(planar.swept(tmp_path_factory.mktemp("presliding")))
 
 
 def test_a_bristle_is_a_spring_at_first_and_slides_at_last():
     assert kernel.bristle(0.0, 1e-9, 1e-4) == pytest.approx(1e-5, rel=1e-4)
     assert kernel.bristle(-1.0, 1.0, 1e-4) == pytest.approx(1.0)
     assert kernel.bristle(0.3, 0.0, 1e-4) == pytest.approx(0.3)
+    assert kernel.bristle(-0.4, 7e-5, 1e-4) == pytest.approx(hysteresis(-0.4, 7e-5, 1e-4, DAHL, 0.0), rel=1e-12)
     whole = kernel.bristle(0.2, -3e-4, 1e-4)
     assert kernel.bristle(kernel.bristle(0.2, -1e-4, 1e-4), -2e-4, 1e-4) == pytest.approx(whole)
 
