@@ -52,16 +52,16 @@ def extensions(
     if 0.5 * (base.chi2 - parent.fit.chi2) > AFAR:
         theta, effects = parent.fit.coordinates.unpack(parent.fit.x)
         left = residuals_of(objective, objective.predictions(theta, effects))
-        new = [*where_shown(objective.problem, specs, left), *_some_of_each(before)]
+        new = [*where_shown(objective.problem, specs, left), *some_of_each(before.trials)]
     tried = _alternatives(objective, parent, before, effort, new)
     trials = leaders(_scored(objective, parent.fit, tried, effort), effort.children, effort.worth, parent.names)
     return fit_leading(objective, parent.fit, parent.specs, trials, effort)
 
 
-def _some_of_each(before: Screening) -> list[ActiveEffect]:
+def some_of_each(tried: Sequence[Trial]) -> list[ActiveEffect]:
     """Of every law without starts from a residual the smallest trial and the middle one."""
     trials: dict[int, list[ActiveEffect]] = {}
-    for trial in before.trials:
+    for trial in tried:
         if trial.spec.residual_starts is None:
             trials.setdefault(id(trial.spec), []).append(trial.active)
     return [a for each in trials.values() for a in dict.fromkeys((each[0], each[len(each) // 2]))]

@@ -31,9 +31,9 @@ from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.effects.lines import recorded, spectral_peaks
 from jointscope.diagnosis.modes_apart import MUCH
-from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.refit import fitted_on, least_squares
 from jointscope.diagnosis.resonances import FREE
-from jointscope.diagnosis.search import Hypothesis, name_of, profile_loss
+from jointscope.diagnosis.search import Hypothesis, keeps_up, name_of, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
@@ -50,6 +50,7 @@ _K, _C, _J = (BASE_INDEX[name] for name in ("stiffness", "damping", "load_inerti
 FREQUENCIES = (0.5, 0.7, 0.88, 1.15, 1.4, 1.8, 2.3, 3.0)  # w/sqrt(lambda)
 SHARES = (0.1, 0.3, 0.7, 1.5)
 HEAVIEST = 0.85  # of the arm's inertia, a neighbour or an outer part
+BEGUN = (12, 35)  # steps and simulations, after which one that explains little is left
 RIDES = 0.8  # the share by which hammer and sensor ride on the outer part of an arm, to begin with
 LIGHTEST = 0.1  # of the base's inertia, what is left to the joint
 RINGING = 2  # highest peaks of the recordings, tried beside the parent's own resonance
@@ -85,11 +86,14 @@ def beside_neighbour(
     return squared * load * stiffer, load
 
 
-def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
+def heavy_modes(
+    objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], best: float = math.inf
+) -> list[Hypothesis]:
     """The best fit of each law of a heavy mode beside ``parent``; none where that is near the data, or holds a mode.
 
     Args:
         candidates: Trials of every law.
+        best: Loss of the best set of as many effects that is known.
     """
     held = parent.coordinates.effects
     laws = _laws(candidates, held)
@@ -99,6 +103,7 @@ def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEf
     if worst_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
         return []
     expected, peaks = objective.problem.base.start, _peaks(objective.problem)
+    without = profile_loss(objective, parent.w)
     found = []
     for trial in laws:
         starts = [*_starts(theta, trial), *(s for squared in peaks for s in _expected(expected, trial, squared))]
@@ -107,7 +112,9 @@ def heavy_modes(objective: Objective, parent: Fit, candidates: Sequence[ActiveEf
         where = coordinates(objective.problem, (*held, trial.spec))
         base, active = starts[objective.nearest([(base, (*effects, active)) for base, active in starts])]
         x = where.pack(base, (*effects, active))
-        fit = least_squares(objective, where, x, iterations=FREE[0], tolerance=3e-3, simulations=FREE[1])
+        fit = least_squares(objective, where, x, iterations=BEGUN[0], tolerance=3e-3, simulations=BEGUN[1])
+        if not fit.converged and keeps_up(profile_loss(objective, fit.w), without, min(best, without)):
+            fit = fitted_on(objective, fit, *FREE)
         if fit.chi2 < parent.chi2:
             found.append(Hypothesis((*held, trial.spec), fit, profile_loss(objective, fit.w)))
     return found

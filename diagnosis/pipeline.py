@@ -138,7 +138,7 @@ def diagnose(
     decision = decide(judgement)
     report("looking once more under the noise that is left")
     for _ in range(LOOKS):
-        further = second_look(judgement, decision.chosen, specs, effort)
+        further = second_look(judgement, decision.chosen, screening, specs, effort)
         if not further:
             break
         hypotheses = (*hypotheses, *further)

@@ -270,7 +270,8 @@ def explore(
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
-    singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
+    best = min((h.loss for h in singles), default=first.base.loss)
+    singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort, best))
     bends = any(spec.variant == PLAIN.variant for spec in specs)
     if bends:
         singles.extend(bends_beside(first.objective, first.base, effort))
@@ -282,7 +283,7 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
-    further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
+    further.extend(heavy_modes(arena.objective, arena.base.fit, candidates, arena.hypotheses[0].loss))
     if _may_play(arena):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:
@@ -312,7 +313,8 @@ def explore(
         pairs.extend(beside)
         if bends:
             pairs.extend(bends_beside(arena.objective, parent, effort))
-        pairs.extend(heavy_modes(arena.objective, parent.fit, candidates))
+        best = min((h.loss for h in beside), default=parent.loss)
+        pairs.extend(heavy_modes(arena.objective, parent.fit, candidates, best))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)

@@ -20,6 +20,7 @@ from jointscope.diagnosis.noise import Key, block_key
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.refit import Fit, least_squares, unspent
 from jointscope.diagnosis.screen import (
+    Tangent,
     Trial,
     best_per_spec,
     pairs,
@@ -37,6 +38,9 @@ Vector = NDArray[np.float64]
 CONTAINED = (("coulomb-friction", "stribeck-friction"),)
 TOGETHER = 1.2  # times what its members explain alone, that a pair explains which no search from either would meet
 ABOUT_RIGHT = (0.5, 2.0)  # of a trial's size, asked for by its own screening
+KEEPS_UP = (
+    0.3  # of what the best set of as many effects explains; what is fitted slowly and explains less is left there
+)
 NEARLY_NOTHING = 0.02  # of the amplitude the screening asked for: the safe start
 
 
@@ -235,11 +239,23 @@ def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffe
     few, rows = objective.restricted(positions), objective.rows(positions)
     parents_few = tangent(parent.w[rows], unspent(parent)[rows])
     trials = screen(few, parent, parents_few, parent.w[rows], candidates)
+    leading, parents = over_all_runs(objective, parent, trials, effort)
+    return Screening(tuple(leading), tuple(trials), positions, few, parents.w, parents_few.w)
+
+
+def over_all_runs(
+    objective: Objective, parent: Fit, trials: Sequence[Trial], effort: Effort
+) -> tuple[list[Trial], Tangent]:
+    """The leading ones of ``trials`` over all runs of ``objective`` at their own amplitude, one per law, best first."""
     parents = tangent(parent.w, unspent(parent))
     best = [t.active for t in best_per_spec(trials)[: effort.refine]]
     again = best_per_spec(screen(objective, parent, parents, parent.w, best))
-    leading = refined(objective, parent, parents, parent.w, again)
-    return Screening(tuple(leading), tuple(trials), positions, few, parents.w, parents_few.w)
+    return refined(objective, parent, parents, parent.w, again), parents
+
+
+def keeps_up(loss: float, parent: float, best: float) -> bool:
+    """Whether a fit begun explains enough, beside the best that is known, to be gone on with (all three losses)."""
+    return parent - loss > KEEPS_UP * (parent - best)
 
 
 def nested(name: str, taken: tuple[str, ...]) -> bool:

@@ -14,15 +14,18 @@ Fact used as test: a brake that never slips is a held motor.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, TURNED, possible_line
+from jointscope.diagnosis.effects.postures import APART
 from jointscope.diagnosis.effects.spec import (
     Apply,
     EffectSpec,
     ParameterSpec,
+    Possible,
     Values,
     needs_motor,
     needs_motor_torque,
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 
 WARMING = (1.0, 4.0)  # s, time constants that are tried
 _HITS = ("hammer", "torque-sweep")
+POSTURES = 4  # of the arm, in which a stiffness that varies with its angle is told from two of its numbers
 _TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
 
 
@@ -63,6 +67,19 @@ def _slipping(assembly: Assembly, values: Values, weight: float) -> None:
 
 def _warming(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.chain.heat = values[0], values[1]
+
+
+def _turned_through(*, per_output: bool) -> Possible:
+    """Whether motions turn far enough, or hits and sweeps were made in enough postures of the output."""
+    in_motion = possible_line(spring=True, per_output=per_output)
+
+    def possible(problem: Problem) -> str | None:
+        angles = sorted(r.initial_angle for r in problem.runs if r.spring and r.run.experiment != "speed-motion")
+        apart = [b for a, b in pairwise(angles) if b - a > APART]
+        met = problem.rig.motion == "rotational" and len(apart) + 1 >= POSTURES
+        return needs_spring(problem) if per_output and met else in_motion(problem)
+
+    return possible
 
 
 def _needs_runs_of_torque(problem: Problem) -> str | None:
@@ -103,7 +120,7 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=_turning(per_output),
             scale=lambda problem: (0.003, 0.02, 0.1),
             starts=lambda problem: tuple((turns, phase) for turns in _TURNS for phase in TURNED),
-            possible=possible_line(spring=True, per_output=per_output),
+            possible=_turned_through(per_output=per_output),
         )
         for variant, order, per_output in (
             ("motor-order", MOTOR_ORDER, False),

@@ -6,9 +6,10 @@ import pytest
 
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.predict import predict_outputs
-from jointscope.diagnosis.search import Effort, Hypothesis, fit_child
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, screen_on
 from jointscope.diagnosis.second_look import second_look
 from jointscope.diagnosis.split import split_runs
 
@@ -42,8 +43,9 @@ def looked(problem, recorded):
             judgement = judge(stage, known, split.held_out)
             named = {law[0] for law in (*decided, *concealed)}
             specs = [s for s in catalogue(own) if s.name in {*named, "stiffness-nonlinearity"}]
+            before = screen_on(stage.objective, stage.fit, candidates_for(own, specs), Effort())
             chosen = next(j for j in judgement.judged if len(j.names) == len(decided))
-            return {names for h in second_look(judgement, chosen, specs, Effort()) for names in [h.names]}
+            return {names for h in second_look(judgement, chosen, before, specs, Effort()) for names in [h.names]}
 
     return look
 
