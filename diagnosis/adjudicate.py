@@ -212,8 +212,7 @@ def _energy(left: Sequence[Vector]) -> Vector:
 
 def differences(judgement: Judgement, one: Judged, other: Judged) -> list[Vector]:
     """What two hypotheses predict differently, whitened, per fitted and held-out run."""
-    apart = one.fit.w - other.fit.w
-    fitted = [apart[rows] for rows in judgement.objective.slices]
+    fitted = [(one.fit.w - other.fit.w)[rows] for rows in judgement.objective.slices]
     return [*fitted, *(a - b for a, b in zip(one.left_held, other.left_held, strict=True))]
 
 

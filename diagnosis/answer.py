@@ -25,11 +25,11 @@ from jointscope.diagnosis.errors import (
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.held_out_detail import held_out_detail
 from jointscope.diagnosis.intervals import Estimate, estimates
+from jointscope.diagnosis.outside import resembled
 from jointscope.diagnosis.power import unseen_json
 from jointscope.diagnosis.refit import with_fresh_jacobian
 from jointscope.diagnosis.remainder import remainder_json
 from jointscope.diagnosis.twins import told_by_frequency
-from jointscope.diagnosis.verdict import resembled
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.pipeline import Diagnosis

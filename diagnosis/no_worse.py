@@ -12,7 +12,8 @@ import numpy as np
 from jointscope.diagnosis.adjudicate import compare, score
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
-from jointscope.diagnosis.verdict import adequacy_of, resembled
+from jointscope.diagnosis.outside import resembled
+from jointscope.diagnosis.verdict import adequacy_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged

@@ -34,6 +34,7 @@ from jointscope.diagnosis.seen_weight import as_seen
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
 from jointscope.diagnosis.turning import repeating
+from jointscope.diagnosis.twins import each_once
 from jointscope.diagnosis.verdict import (
     Decision,
     decide,
@@ -141,7 +142,7 @@ def diagnose(
         further = second_look(judgement, decision.chosen, screening, specs, effort)
         if not further:
             break
-        hypotheses = (*hypotheses, *further)
+        hypotheses = (*each_once(judgement.judged[1:]), *further)
         judgement = judge(stage, hypotheses, split.held_out)
         before, decision = decision, decide(judgement)
         if decision.chosen.names == before.chosen.names:
@@ -149,7 +150,7 @@ def diagnose(
     repeats = repeating(judgement, decision.chosen)
     richer = overtones(judgement, decision.chosen, repeats, specs, effort)
     if richer:
-        judgement = judge(stage, (*hypotheses, *richer), split.held_out)
+        judgement = judge(stage, (*each_once(judgement.judged[1:]), *richer), split.held_out)
         decision = decide(judgement)
         repeats = repeating(judgement, decision.chosen)
     following = remainders(judgement, decision.chosen)

@@ -59,9 +59,7 @@ def ring_downs(stage: Stage, objective: Objective, base: Fit, specs: Sequence[Ef
         objective: The runs of the search, to which whole runs are fitted.
         base: What the base leaves of them.
     """
-    problem = objective.problem
-    runs = problem.runs
-    hits = tuple(i for i in stage.objective.runs if runs[i].mode == "braked" and runs[i].load is not None)
+    problem, hits = objective.problem, struck_on_the_brake(stage)
     laws = [spec for spec in specs if name_of(spec) == PLAY and spec.variant != "off-centre"]
     if not hits or problem.scales.wind_up <= 0.0:
         return []
@@ -70,45 +68,53 @@ def ring_downs(stage: Stage, objective: Objective, base: Fit, specs: Sequence[Ef
     begun = sorted((_first(hit, noise, theta, spec) for spec in laws), key=lambda fit: fit.chi2)
     found = []
     for fit in [fit for fit in begun[:LAWS] if fit.chi2 < AS_NEAR * begun[0].chi2]:
-        whole = _whole(objective, _along(hit, noise, fit))
-        if whole.chi2 < base.chi2:
-            found.append(Hypothesis(whole.coordinates.effects, whole, profile_loss(objective, whole.w)))
+        full = whole(objective, along(hit, noise, fit))
+        if full.chi2 < base.chi2:
+            found.append(Hypothesis(full.coordinates.effects, full, profile_loss(objective, full.w)))
     return found
+
+
+def struck_on_the_brake(stage: Stage) -> tuple[int, ...]:
+    """The fitted runs in which a held joint was hit."""
+    runs = stage.objective.problem.runs
+    return tuple(i for i in stage.objective.runs if runs[i].mode == "braked" and runs[i].load is not None)
 
 
 def _first(hit: Objective, noise: NoiseModel, theta: np.ndarray, spec: EffectSpec) -> Fit:
     """The law over the first periods, from the best of a grid."""
-    near = _within(hit, noise, FIRST[0])
-    where = _coarse(coordinates(near.problem, (spec,)))
-    fits = [_fit(near, where, x, EFFORT_FIRST) for x in _starts(near, theta, spec, where)]
+    near = within(hit, noise, FIRST[0])
+    where = coarse(coordinates(near.problem, (spec,)))
+    fits = [fitted(near, where, x, EFFORT_FIRST) for x in _starts(near, theta, spec, where)]
     fit = min(fits, key=lambda fit: fit.chi2)
     for periods in FIRST[1:]:
-        fit = _fit(_within(hit, noise, periods), where, fit.x, EFFORT_FIRST)
+        fit = fitted(within(hit, noise, periods), where, fit.x, EFFORT_FIRST)
     return fit
 
 
-def _along(hit: Objective, noise: NoiseModel, fit: Fit) -> Fit:
+def along(hit: Objective, noise: NoiseModel, fit: Fit) -> Fit:
     """The fit to all of the ring-downs, by way of ever longer parts of them."""
     periods = FIRST[-1] * WIDER
     longest = max(hit.problem.runs[i].steps / hit.problem.runs[i].grid_rate for i in hit.runs)
     while periods < min(LAST, longest * hit.problem.scales.frequency):
-        fit = _fit(_within(hit, noise, periods), fit.coordinates, fit.x, EFFORT_FURTHER)
+        fit = fitted(within(hit, noise, periods), fit.coordinates, fit.x, EFFORT_FURTHER)
         periods *= WIDER
     return fit
 
 
-def _fit(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[int, int]) -> Fit:
+def fitted(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[int, int]) -> Fit:
+    """A fit of so many iterations and simulations."""
     return least_squares(objective, where, x, iterations=effort[0], tolerance=3e-3, simulations=effort[1])
 
 
-def _whole(objective: Objective, fit: Fit) -> Fit:
+def whole(objective: Objective, fit: Fit) -> Fit:
     """Fitted on to whole runs, once with steps across contacts and once with small ones."""
     where = coordinates(objective.problem, fit.coordinates.effects)
-    rough = _fit(objective, _coarse(where), fit.x, EFFORT_WHOLE)
-    return _fit(objective, where, rough.x, EFFORT_WHOLE)
+    rough = fitted(objective, coarse(where), fit.x, EFFORT_WHOLE)
+    return fitted(objective, where, rough.x, EFFORT_WHOLE)
 
 
-def _coarse(where: Coordinates) -> Coordinates:
+def coarse(where: Coordinates) -> Coordinates:
+    """The coordinates, differenced over steps that contacts do not jump within."""
     rounded = any(spec.variant == "rounded" for spec in where.effects)
     return replace(where, step=np.full_like(where.step, ROUND if rounded else SHARP))
 
@@ -137,7 +143,7 @@ def _shaped(spec: EffectSpec, problem: Problem, gap: float, depth: float) -> Val
     return (gap, over, *spec.starts(problem)[0][1:])
 
 
-def _within(hit: Objective, noise: NoiseModel, periods: float) -> Objective:
+def within(hit: Objective, noise: NoiseModel, periods: float) -> Objective:
     """The hits up to ``periods`` after each began, whitened by ``noise``."""
     runs = list(hit.problem.runs)
     for i in hit.runs:

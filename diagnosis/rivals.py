@@ -18,7 +18,7 @@ from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.friction import falling_about
-from jointscope.diagnosis.effects.periodic import OUTPUT_ORDER, PHASES, slower_lines
+from jointscope.diagnosis.effects.periodic import PHASES, counted_alike, slower_lines, turn_of
 from jointscope.diagnosis.refit import Fit, unspent
 from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -98,7 +98,7 @@ def rivals(
             if not trials:
                 continue
             alike = same_numbers(trials, place.effect)
-            lines = [a for a in alike if _turn(a) and _turn(a) == _turn(place.effect)]
+            lines = [a for a in alike if turn_of(a) and turn_of(a) == turn_of(place.effect)]
             trials = lines or [*trials, *alike]  # of a line the order is known
             active = _telling(objective, without(objective, leader.fit, place.position), trials)
             done.add(names_of((*place.kept, active.spec)))
@@ -107,17 +107,22 @@ def rivals(
 
 
 def strangers(
-    objective: Objective, base: Fit, leader: Hypothesis, specs: Sequence[EffectSpec], effort: Effort
+    objective: Objective,
+    base: Fit,
+    leader: Hypothesis,
+    specs: Sequence[EffectSpec],
+    effort: Effort,
+    more: Sequence[ActiveEffect] = (),
 ) -> list[Hypothesis]:
-    """Fit each law outside the contract's table in place of the whole leading set."""
+    """Fit each law outside the contract's table in place of the whole leading set, also from each trial of ``more``."""
     found: list[Hypothesis] = []
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
     for spec in specs:
         trials = candidates_for(objective.problem, (spec,))
-        groups = [trials]
+        groups = [trials, *([active] for active in more if active.spec is spec)]
         if spec.family == "periodic":  # at whole orders, and at what order the leader found
             groups.append(
-                [a for e in effects for a in same_numbers(trials, e) if _turn(a) and _turn(a) == _turn(e)]
+                [a for e in effects for a in same_numbers(trials, e) if turn_of(a) and turn_of(a) == turn_of(e)]
             )
         for group in groups:
             if group:
@@ -245,11 +250,6 @@ def _places(leader: Hypothesis) -> Iterator[_Place]:
         yield _Place(position, spec, effect, kept, others, theta)
 
 
-def _turn(active: ActiveEffect) -> str:
-    """Of what a line's order counts the turns; empty for what is no line."""
-    return next((p.unit for p in active.spec.parameters if p.name == "order"), "")
-
-
 def _in_place(
     objective: Objective, base: Fit, place: _Place, active: ActiveEffect, effort: Effort
 ) -> list[Hypothesis]:
@@ -314,7 +314,7 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect, ratio: floa
     """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
     wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
-    alike = [_counted(trial, leader, ratio) for trial in same_numbers(wider, leader)]
+    alike = [counted_alike(trial, leader, ratio) for trial in same_numbers(wider, leader)]
     if not leader.spec.sensible(leader.values):  # what it lacks has bent its own numbers
         alike += [_with_force(trial, leader.values[0]) for trial in wider]
     for active in alike:
@@ -326,18 +326,6 @@ def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect, ratio: floa
         for k in (2, 3)
     ]
     return [*groups.values(), *(trials for trials in slower if trials)]
-
-
-def _counted(trial: ActiveEffect, leader: ActiveEffect, ratio: float) -> ActiveEffect:
-    """The trial with the leader's order per turn of what the trial counts: a line of a gear is found by either count."""
-    mine, theirs = _turn(trial), _turn(leader)
-    if not (mine and theirs) or mine == theirs:
-        return trial
-    place = [p.name for p in trial.spec.parameters].index("order")
-    order = leader.values[[p.name for p in leader.spec.parameters].index("order")]
-    values = list(trial.values)
-    values[place] = order * ratio if mine == OUTPUT_ORDER.unit else order / ratio
-    return ActiveEffect(trial.spec, tuple(values))
 
 
 def _elsewhere(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list[list[ActiveEffect]]:

@@ -17,6 +17,8 @@ from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
+from jointscope.diagnosis.bent_play import bent_play
+from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.eased import eased
 from jointscope.diagnosis.effects.coupled import PLAIN
@@ -59,6 +61,7 @@ IN_PLAY = (
     0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit ...
 )
 RATTLES = 50.0  # ... and nats that it must in any case: a play that gains less has not been lost among the periods
+BENT, BENDS = "stiffness-nonlinearity@transmission", ("cubic", "piecewise", "smooth")
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
@@ -193,11 +196,20 @@ def _worth_more(arena: Arena, size: int) -> bool:
     return len(best.names) >= size and (not parts or promising(arena, best, *parts))
 
 
-def _may_play(arena: Arena) -> bool:
-    """Whether play alone, as the search found it, has some of what the leading effect has."""
+def _has_some(arena: Arena, name: str) -> bool:
+    """Whether an effect alone, as the search found it, has some of what the leading effect has."""
     most = arena.base.loss - arena.hypotheses[0].loss
     needed = max(IN_PLAY * most, RATTLES)
-    return any(h.names == (PLAY,) and arena.base.loss - h.loss > needed for h in arena.hypotheses)
+    return any(h.names == (name,) and arena.base.loss - h.loss > needed for h in arena.hypotheses)
+
+
+def _bent_play(arena: Arena, stage: Stage, specs: Sequence[EffectSpec]) -> list[Hypothesis]:
+    """Play and a bent spring together, where each alone has some of what the leading effect has."""
+    alone = {h.names: h for h in reversed(arena.hypotheses) if len(h.specs) == 1}
+    if not (_has_some(arena, PLAY) and _has_some(arena, BENT)):
+        return []
+    springs = [spec for spec in specs if name_of(spec) == BENT and spec.variant in BENDS]
+    return bent_play(stage, arena.objective, arena.base.fit, alone[PLAY,], springs)
 
 
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
@@ -223,7 +235,11 @@ def _uncoupled(arena: Arena) -> Arena:
 
 
 def _with_strangers(
-    arena: Arena, starts: Sequence[Arena], outside: Sequence[EffectSpec], effort: Effort
+    arena: Arena,
+    starts: Sequence[Arena],
+    outside: Sequence[EffectSpec],
+    effort: Effort,
+    more: Sequence[ActiveEffect],
 ) -> tuple[Hypothesis, ...]:
     """All hypotheses, and what physics outside the contract's table does in place of the leading one.
 
@@ -232,13 +248,14 @@ def _with_strangers(
 
     Args:
         starts: Under whose noise, and from whose base, each is fitted.
+        more: Trials of theirs that the runs' own numbers gave.
     """
     if not arena.hypotheses or not outside:
         return arena.hypotheses
     leader = arena.hypotheses[0]
     found: list[Hypothesis] = []
     for start in starts:
-        fitted = strangers(start.objective, start.base.fit, leader, outside, effort)
+        fitted = strangers(start.objective, start.base.fit, leader, outside, effort, more)
         found.extend(fitted if start is arena else (_seen(arena.objective, h) for h in fitted))
     return settled(arena, found, effort).hypotheses if found else arena.hypotheses
 
@@ -259,6 +276,7 @@ def explore(
     problem = stage.objective.problem
     left = residuals_of(stage.objective, stage.predictions)
     own = (*per_run_specs(stage, problem), *several_bends(stage, left))
+    more = by_posture(stage, outside)
     candidates = candidates_for(problem, (*specs, *own), left)
     laws = list({id(a.spec): a.spec for a in candidates}.values())
     first = opened(stage, candidates, effort)
@@ -281,10 +299,10 @@ def explore(
     if softer:
         arena = settled(arena, softer, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort)
+        return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     further.extend(heavy_modes(arena.objective, arena.base.fit, candidates, arena.hypotheses[0].loss))
-    if _may_play(arena):
+    if _has_some(arena, PLAY):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:
         arena = settled(arena, further, effort)
@@ -316,6 +334,7 @@ def explore(
         best = min((h.loss for h in beside), default=parent.loss)
         pairs.extend(heavy_modes(arena.objective, parent.fit, candidates, best))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
+    pairs.extend(_bent_play(arena, stage, specs))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
         if not _worth_more(arena, size - 1):
@@ -330,4 +349,4 @@ def explore(
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
     arena = _uncoupled(arena)
-    return screening, _with_strangers(arena, (arena, first), outside, effort)
+    return screening, _with_strangers(arena, (arena, first), outside, effort, more)

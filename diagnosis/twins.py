@@ -22,6 +22,7 @@ from jointscope.diagnosis.effects.modes import INBOARD
 from jointscope.diagnosis.search import Hypothesis, names_of
 
 if TYPE_CHECKING:
+    from jointscope.diagnosis.adjudicate import Judged
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.effects.spec import Values
     from jointscope.diagnosis.problem import Problem
@@ -53,6 +54,14 @@ def twins(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis
         if len(names_of(specs)) == len(specs):
             found.append(replace(hypothesis, specs=specs, fit=_renamed(problem, hypothesis.fit, specs, place)))
     return found
+
+
+def each_once(judged: Sequence[Judged]) -> list[Hypothesis]:
+    """The hypotheses as they stand, without second names of one fit."""
+    fits: dict[int, Hypothesis] = {}
+    for one in judged:
+        fits.setdefault(id(one.fit.w), one.hypothesis)
+    return list(fits.values())
 
 
 def on_the_other_side(leader: ActiveEffect, spec: EffectSpec) -> Values | None:

@@ -15,15 +15,14 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differen
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.containment import contains, holds, left_open, unowned
-from jointscope.diagnosis.effects import STRANGERS
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL, Comparison
 from jointscope.diagnosis.noise import ANGULAR, Key
+from jointscope.diagnosis.outside import lead_asked, resembled
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import nested
 from jointscope.diagnosis.twins import foreknown
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.input_scatter import Pushes
 
 TEMPERATURE = 3.0  # nats of score per nat of belief: laws of the right name but the wrong form cost as much
@@ -39,8 +38,6 @@ SPARING = (
     -2.5,
     -5.0,
 )  # nats of belief by the number of effects: there are more sets than single effects
-STRANGE = 15.0  # nats by which physics outside the table must lead what the table holds
-OF_LISTED = 0.02  # or this share of its score: a law of the right name may have another form
 LEADS_FEWER = 1.1  # times the score of fewer, other effects: true pairs led by 1.13 and more, a stand-in by 1.06
 NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.75  # probability of the leading effect below which it is not named alone
@@ -134,14 +131,6 @@ def _belief(judgement: Judgement, values: dict[tuple[str, ...], tuple[float, Jud
     return found
 
 
-def resembled(judged: Judged) -> EffectSpec | None:
-    """The law outside the contract's table that a hypothesis consists of, or ``None``."""
-    names = {name.partition("@")[0] for name in judged.names}
-    if not names & {spec.name for spec in STRANGERS}:
-        return None
-    return next(spec for spec in judged.hypothesis.specs if any(spec.name == s.name for s in STRANGERS))
-
-
 def _beats(judgement: Judgement, judged: Judged) -> bool:
     """Whether physics outside the table is real and matters, and held-out runs do not object: it asks for no name."""
     if resembled(judged) is None:
@@ -168,9 +157,10 @@ def rank(judgement: Judgement) -> list[Ranked]:
         inner = [v for v, other in list(best.values()) if other.names and contains(judged, other)]
         if inner:
             best[names] = (value - max(CONTAINING, OF_CONTAINED * max(inner)), judged)
+    listed = [(value, judged) for value, judged in best.values() if resembled(judged) is None]
     for names, (value, judged) in list(best.items()):
         if resembled(judged) is not None:
-            best[names] = (value - max(STRANGE, OF_LISTED * value), judged)
+            best[names] = (value - lead_asked(value, judged, listed), judged)
     for names, (value, judged) in list(best.items()):
         simpler = {
             other: v

@@ -19,6 +19,7 @@ from jointscope.diagnosis import kernel
 from jointscope.diagnosis.effects.lines import Residuals
 from jointscope.diagnosis.effects.orders import order_lines
 from jointscope.diagnosis.effects.spec import (
+    ActiveEffect,
     Apply,
     EffectSpec,
     ParameterSpec,
@@ -265,3 +266,20 @@ SPECS: tuple[EffectSpec, ...] = (
     *(_without_work(spec) for spec in _PLAIN if spec.name == "transmission-error"),
     *(_with_harmonics(spec) for spec in _PLAIN if spec.variant != "load-proportional"),
 )
+
+
+def turn_of(active: ActiveEffect) -> str:
+    """Of what a line's order counts the turns; empty for what is no line."""
+    return next((p.unit for p in active.spec.parameters if p.name == "order"), "")
+
+
+def counted_alike(trial: ActiveEffect, leader: ActiveEffect, ratio: float) -> ActiveEffect:
+    """The trial with the leader's order per turn of what the trial counts: a line of a gear is found by either count."""
+    mine, theirs = turn_of(trial), turn_of(leader)
+    if not (mine and theirs) or mine == theirs:
+        return trial
+    place = [p.name for p in trial.spec.parameters].index("order")
+    order = leader.values[[p.name for p in leader.spec.parameters].index("order")]
+    values = list(trial.values)
+    values[place] = order * ratio if mine == OUTPUT_ORDER.unit else order / ratio
+    return ActiveEffect(trial.spec, tuple(values))

@@ -13,6 +13,7 @@ from scipy.integrate import quad
 from jointscope.diagnosis import kernel as k
 from jointscope.diagnosis.assembly import rests
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.bent_play import bent_play
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.predict import build, predict_outputs
 from jointscope.diagnosis.prepare import prepare
@@ -22,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from packed_joint import KW, packed, run  # type: ignore[import-not-found]
 
 HALF, DEPTH = 4e-5, 3e-5
+NAMES = ("backlash", "stiffness-nonlinearity")
 
 
 def flank(x):
@@ -177,6 +179,26 @@ def test_hits_on_a_joint_without_play_have_none(problem, recorded):
         stage = refit_base(noisy, predict_outputs, tuple(range(len(noisy.runs))), pool)
         found = ring_downs(stage, stage.objective, stage.fit, catalogue(noisy))
     assert all(0.5 * (stage.fit.chi2 - h.fit.chi2) < 15.0 for h in found)
+
+
+def test_a_bent_spring_beside_play_is_found_from_what_play_alone_is_fitted_to(problem, recorded):
+    """Quiet ring-downs, of which play alone leaves much: the two are found from a base that knows neither."""
+    laws = {spec.variant: spec for spec in catalogue(problem) if spec.name in NAMES}
+    wind_up = problem.scales.wind_up
+    concealed = (
+        ActiveEffect(laws["free-flight"], (0.01 * wind_up,)),
+        ActiveEffect(laws["piecewise"], (0.11, 0.3 * wind_up)),
+    )
+    quiet = recorded(problem, 1e-3, effects=concealed)
+    with ThreadPoolExecutor(2) as pool:
+        stage = refit_base(quiet, predict_outputs, tuple(range(len(quiet.runs))), pool)
+        alone = min(ring_downs(stage, stage.objective, stage.fit, catalogue(quiet)), key=lambda h: h.loss)
+        both = bent_play(stage, stage.objective, stage.fit, alone, [laws["piecewise"], laws["cubic"]])
+    best = min(both, key=lambda h: h.loss)
+    assert best.names == ("backlash@transmission", "stiffness-nonlinearity@transmission")
+    assert best.fit.chi2 < 0.1 * alone.fit.chi2
+    _, (_, bent) = best.fit.coordinates.unpack(best.fit.x)
+    assert bent.values[0] == pytest.approx(0.11, rel=0.3)
 
 
 def test_where_nothing_hits_a_held_joint_there_is_no_ring_down(builders, plant):

@@ -1,0 +1,47 @@
+"""A stiffness that varies with the arm's angle, started from every run's own stiffness.
+
+Hits and sweeps in several postures each have one angle, and so one stiffness, K (1 + s sin(order q + phase)). A hundredth
+of it has a ring-down out of step before it is over, so that no trial is near by chance; but each run's own stiffness is
+found by itself, and over the angles a line of each order is fitted to them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.per_run import run_steps, telling
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.base import Stage
+    from jointscope.diagnosis.effects import EffectSpec
+
+ORDERS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn
+KEPT = 2  # of them, the best
+NUMBERS = 3  # of a line: a mean, a sine and a cosine
+
+
+def by_posture(stage: Stage, specs: Sequence[EffectSpec]) -> list[ActiveEffect]:
+    """Trials of what varies with every turn of the output among ``specs``; none where too few runs tell."""
+    problem = stage.objective.problem
+    turning = [s for s in specs if s.name == "stiffness-by-turn" and s.variant == "output-order"]
+    turning = [s for s in turning if s.possible(problem) is None]
+    if not turning:
+        return []
+    values, errors = run_steps(stage, "stiffness")
+    still = np.array([r.run.experiment != "speed-motion" and r.spring for r in problem.runs])
+    known = telling(values, np.where(still, errors, np.inf))
+    angles = np.array([r.initial_angle for r in problem.runs])[known]
+    if len(np.unique(np.round(angles, 3))) <= NUMBERS:
+        return []
+    found = []
+    for order in ORDERS:
+        columns = np.stack([np.ones_like(angles), np.sin(order * angles), np.cos(order * angles)], axis=1)
+        (mean, sine, cosine), *_ = np.linalg.lstsq(columns, values[known], rcond=None)
+        left = float(np.sum(np.square(values[known] - columns @ (mean, sine, cosine))))
+        found.append((left, math.hypot(sine, cosine) / (1.0 + mean), order, math.atan2(cosine, sine)))
+    return [ActiveEffect(spec, tuple(line)) for spec in turning for _, *line in sorted(found)[:KEPT]]
