@@ -35,5 +35,4 @@ def lead_asked(value: float, stranger: Judged, listed: Sequence[tuple[float, Jud
 
 
 def _numbers(judged: Judged) -> int:
-    where = judged.fit.coordinates
-    return where.n - where.n_base
+    return sum(len(spec.parameters) for spec in judged.hypothesis.specs) if judged.names else 0

@@ -12,6 +12,7 @@ from jointscope.diagnosis.adequacy import Adequacy
 from jointscope.diagnosis.containment import contains
 from jointscope.diagnosis.effects import REGISTRY, STRANGERS
 from jointscope.diagnosis.gates import REAL, UNASKED, Comparison
+from jointscope.diagnosis.outside import lead_asked
 from jointscope.diagnosis.verdict import TEMPERATURE, distance, rank, temperature
 
 FOUND = Comparison(
@@ -66,6 +67,15 @@ def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead
     decision = verdict.decide(SimpleNamespace(judged=judged, base=judged[0], noise=noise))
     assert decision.verdict == said
     assert decision.chosen is (judged[0] if said == "unknown" else listed)
+
+
+@pytest.mark.parametrize(("numbers", "asked"), [(1, 100.0), (2, 15.0)])
+def test_a_listed_law_of_more_numbers_that_explains_less_has_no_lead(numbers, asked):
+    """Of a law of as few numbers another form may explain as much; one of more numbers has had its form."""
+    stranger, listed = stand_in("rubbing@transmission", ""), stand_in("base-compliance@base", "")
+    stranger.hypothesis.specs[0].parameters = (1,)
+    listed.hypothesis.specs[0].parameters = (1,) * numbers
+    assert lead_asked(5000.0, stranger, [(4900.0, listed), (-0.7, SimpleNamespace(names=()))]) == asked
 
 
 def test_a_mode_as_broad_as_a_search_allows_and_a_breakaway_of_many_times_the_friction_are_something_else():
@@ -168,7 +178,9 @@ def test_belief_is_tempered_by_what_is_explained():
 
 def stand_in(name, variant, chi2=0.0, w=()):
     """As much of a judged hypothesis as telling two apart looks at."""
-    spec = SimpleNamespace(name=name.partition("@")[0], location=name.partition("@")[2], variant=variant)
+    spec = SimpleNamespace(
+        name=name.partition("@")[0], location=name.partition("@")[2], variant=variant, parameters=()
+    )
     return SimpleNamespace(
         names=(name,), hypothesis=SimpleNamespace(specs=(spec,)), chi2=chi2, fit=SimpleNamespace(
             w=np.array(w), x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, ()))

@@ -21,7 +21,7 @@ from jointscope.diagnosis.predict import predict_outputs
 def answered(problem, deciding, monkeypatch):
     """The diagnosis of a joint that is the base, where the evidence had named the effects given."""
     silenced = {
-        "explore": (None, []), "remainders": (), "places": Places((), {}, None), "suggest": None, "unseen": (),
+        "explore": (None, []), "second_look": [], "remainders": (), "places": Places((), {}, None), "suggest": None, "unseen": (),
     }  # fmt: skip
     for name, result in silenced.items():
         monkeypatch.setattr(pipeline, name, lambda *_, result=result: result)
