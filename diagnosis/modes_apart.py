@@ -17,7 +17,7 @@ from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.effects.lines import spectral_peaks
 from jointscope.diagnosis.refit import fitted_on
 from jointscope.diagnosis.resonances import FREE
-from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, keeps_up, profile_loss
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -35,19 +35,13 @@ BAND = (0.6, 8.0)  # times the joint's resonance
 
 
 def modes_apart(
-    objective: Objective,
-    base: Fit,
-    candidates: Sequence[ActiveEffect],
-    left: Residuals,
-    effort: Effort,
-    best: float = math.inf,
+    objective: Objective, base: Fit, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
 ) -> list[Hypothesis]:
     """The best fit of each plain law of a mode from the highest peaks; none where the base is near the data.
 
     Args:
         candidates: Trials of every law.
         left: What the base leaves of all runs of the problem.
-        best: Loss of the best single effect that is known; what explains little beside it is not fitted on.
     """
     laws = _laws(candidates)
     theta, _ = base.coordinates.unpack(base.x)
@@ -59,7 +53,6 @@ def modes_apart(
     peaks = list(spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False))
     if misfit > MOST:
         peaks.extend(factor * resonance for factor in ABOVE)
-    without = profile_loss(objective, base.w)
     found = []
     for trials in laws:
         fits = []
@@ -69,10 +62,8 @@ def modes_apart(
                 fits.append(fit_child(objective, base, [near], effort))
         reached = [fit for fit in fits if fit is not None]
         if reached:
-            fit = min(reached, key=lambda fit: fit.chi2)
-            if keeps_up(profile_loss(objective, fit.w), without, min(best, without)):
-                fit = fitted_on(objective, fit, *FREE)
-            found.append(Hypothesis((trials[0].spec,), fit, profile_loss(objective, fit.w)))
+            best = fitted_on(objective, min(reached, key=lambda fit: fit.chi2), *FREE)
+            found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
     return found
 
 

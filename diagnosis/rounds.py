@@ -288,8 +288,7 @@ def explore(
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
-    best = min((h.loss for h in singles), default=first.base.loss)
-    singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort, best))
+    singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
     bends = any(spec.variant == PLAIN.variant for spec in specs)
     if bends:
         singles.extend(bends_beside(first.objective, first.base, effort))
@@ -301,7 +300,7 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
         return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more)
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
-    further.extend(heavy_modes(arena.objective, arena.base.fit, candidates, arena.hypotheses[0].loss))
+    further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
     if _has_some(arena, PLAY):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:
