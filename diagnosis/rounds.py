@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
-from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
+from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten, worst_misfit
 from jointscope.diagnosis.bent_play import bent_play
 from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
@@ -27,7 +27,7 @@ from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.heavy_modes import heavy_modes
 from jointscope.diagnosis.modal import several_bends
-from jointscope.diagnosis.modes_apart import modes_apart
+from jointscope.diagnosis.modes_apart import MUCH, modes_apart
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.overshot import overshot
@@ -203,10 +203,17 @@ def _has_some(arena: Arena, name: str) -> bool:
     return any(h.names == (name,) and arena.base.loss - h.loss > needed for h in arena.hypotheses)
 
 
-def _bent_play(arena: Arena, stage: Stage, specs: Sequence[EffectSpec]) -> list[Hypothesis]:
-    """Play and a bent spring together, where each alone has some of what the leading effect has."""
+def _bent_play(
+    arena: Arena, stage: Stage, pairs: Sequence[Hypothesis], specs: Sequence[EffectSpec]
+) -> list[Hypothesis]:
+    """Play and a bent spring together, where each alone has some of what the leading effect has, and all sets leave much."""
     alone = {h.names: h for h in reversed(arena.hypotheses) if len(h.specs) == 1}
     if not (_has_some(arena, PLAY) and _has_some(arena, BENT)):
+        return []
+    best = min([*arena.hypotheses, *pairs], key=lambda h: h.loss)
+    predictions = arena.objective.predictions(*best.fit.coordinates.unpack(best.fit.x))
+    hits = [pair for pair in zip(arena.objective.prepared, predictions, strict=True) if pair[0].mode == "braked"]
+    if worst_misfit(tuple(run for run, _ in hits), tuple(y for _, y in hits)) < MUCH:
         return []
     springs = [spec for spec in specs if name_of(spec) == BENT and spec.variant in BENDS]
     return bent_play(stage, arena.objective, arena.base.fit, alone[PLAY,], springs)
@@ -333,7 +340,7 @@ def explore(
         best = min((h.loss for h in beside), default=parent.loss)
         pairs.extend(heavy_modes(arena.objective, parent.fit, candidates, best))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
-    pairs.extend(_bent_play(arena, stage, specs))
+    pairs.extend(_bent_play(arena, stage, pairs, specs))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
         if not _worth_more(arena, size - 1):
