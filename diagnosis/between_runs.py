@@ -7,8 +7,8 @@ Of each free parameter theta of the joint one number per run is fitted to the wh
 once to the odd and once to the even parts of each run. What the number of one half explains of the other half no noise
 explains: it must carry over, and move the parameter by more than runs are known to differ by.
 
-Motions under speed control that all ask for the same other value, where no other run does, say as much of the drive: a log
-that is late by a fraction of a sample reads as damping wherever a loop is closed around the joint.
+A motion's torque holds next to nothing at the joint's resonance but the noise of its log, by which the model rings and the
+joint does not; the more damping, the less of that. So a motion's own damping is not asked for.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ LEAST = {  # relative rms departure from the common value, beyond which runs dif
     "motor_damping": 0.15,
     "load_damping": 0.15,
 }
+RUNG_BY_NOISE = ("damping", "speed-motion")
 PARTS = 16  # of a run, the odd ones against the even
 FEWEST = 3  # runs that must show a departure each
 SURE = 5.0  # standard errors of a departure that shows
@@ -55,7 +56,6 @@ class Varying:
         departures, errors: Relative to the common value [-], one per run.
         shown: Root mean square of the departures of the runs that show it, where each counts by what it shows [-].
         carried, foretold: What one half of each run explains of the other, found and due if true [nats].
-        kinds: Experiment of each run.
     """
 
     name: str
@@ -65,24 +65,13 @@ class Varying:
     shown: float
     carried: float
     foretold: float
-    kinds: tuple[str, ...]
 
     @property
     def stands(self) -> bool:
-        """Large, in several runs, carried over, and not the drive's."""
+        """Large, in several runs, and carried over."""
         clear = sum(abs(d) > SURE * e for d, e in zip(self.departures, self.errors, strict=True))
         due = max(CARRIED, AS_FORETOLD * self.foretold)
-        return self.shown > LEAST[self.name] and clear >= FEWEST and self.carried > due and not self._of_the_drive
-
-    @property
-    def _of_the_drive(self) -> bool:
-        """Whether motions alone depart, and all alike."""
-        d, e = np.array(self.departures), np.array(self.errors)
-        driven = np.array([kind == "speed-motion" for kind in self.kinds])
-        if driven.all() or not driven.any() or np.any(np.abs(d[~driven]) > SURE * e[~driven]):
-            return False
-        common = float(np.average(d[driven], weights=1.0 / np.square(e[driven])))
-        return bool(np.all(np.abs(d[driven] - common) < SURE * e[driven]))
+        return self.shown > LEAST[self.name] and clear >= FEWEST and self.carried > due
 
 
 def varying(judgement: Judgement, judged: Judged) -> tuple[Varying, ...]:
@@ -91,7 +80,7 @@ def varying(judgement: Judgement, judged: Judged) -> tuple[Varying, ...]:
     base = judgement.objective.problem.base
     theta, _ = where.unpack(x)
     tested = [(k, int(i)) for k, i in enumerate(where.free) if base.names[i] in LEAST and theta[i] > 0.0]
-    found: dict[int, list[tuple[str, str, float, float, float, float]]] = {k: [] for k, _ in tested}
+    found: dict[int, list[tuple[str, float, float, float, float]]] = {k: [] for k, _ in tested}
     for objective in (judgement.objective, judgement.held):
         if not objective.runs:
             continue
@@ -99,10 +88,12 @@ def varying(judgement: Judgement, judged: Judged) -> tuple[Varying, ...]:
         columns = objective.columns(x, where, w, [k for k, _ in tested])
         for run, rows, halves in zip(objective.prepared, objective.slices, _halves(objective), strict=True):
             for (k, i), a in zip(tested, columns[rows].T, strict=True):
+                if (base.names[i], run.run.experiment) == RUNG_BY_NOISE:
+                    continue
                 per_unit = float(where.per_unit(x)[k]) / float(theta[i])
                 one = _one_run(a, w[rows], halves, per_unit)
                 if one is not None:
-                    found[k].append((run.run.id, run.run.experiment, *one))
+                    found[k].append((run.run.id, *one))
     told = [_varying(base.names[i], found[k]) for k, i in tested if found[k]]
     return tuple(sorted(told, key=lambda v: -v.carried))
 
@@ -133,12 +124,12 @@ def _one_run(
     return step * per_unit, math.sqrt(dispersion / whole) * per_unit, carried / dispersion, foretold / dispersion
 
 
-def _varying(name: str, of_runs: Sequence[tuple[str, str, float, float, float, float]]) -> Varying:
-    runs, kinds, departures, errors, carried, foretold = zip(*of_runs, strict=True)
+def _varying(name: str, of_runs: Sequence[tuple[str, float, float, float, float]]) -> Varying:
+    runs, departures, errors, carried, foretold = zip(*of_runs, strict=True)
     d, e = np.array(departures), np.array(errors)
     clear = np.abs(d) > SURE * e
     shown = float(np.sqrt(np.mean(np.square(d[clear])))) if clear.any() else 0.0
-    return Varying(name, runs, departures, errors, shown, sum(carried), sum(foretold), kinds)
+    return Varying(name, runs, departures, errors, shown, sum(carried), sum(foretold))
 
 
 def with_varying(decision: Decision, found: Sequence[Varying]) -> Decision:
