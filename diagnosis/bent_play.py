@@ -16,24 +16,15 @@ import numpy as np
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
-from jointscope.diagnosis.ring_downs import (
-    EFFORT_FIRST,
-    FIRST,
-    along,
-    coarse,
-    fitted,
-    struck_on_the_brake,
-    whole,
-    within,
-)
+from jointscope.diagnosis.ring_downs import FIRST, coarse, over_first, over_whole, struck_on_the_brake, within
 from jointscope.diagnosis.screen import one_sided, trial_effects
-from jointscope.diagnosis.search import Hypothesis, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.objective import Objective
     from jointscope.diagnosis.refit import Fit
+    from jointscope.diagnosis.search import Hypothesis
 
 STIFFER = (0.85, 0.92, 1.0, 1.08, 1.16, 1.25)  # times the stiffness beside play alone
 GAPS = (0.5, 1.0, 2.0)  # times the gap found alone
@@ -63,16 +54,8 @@ def bent_play(
         costs = near.map(lambda trial: near.misfit(*trial), trials)
         where = coarse(coordinates(near.problem, (*play.specs, spec)))
         starts = [where.pack(*trials[k]) for k in np.argsort(costs, kind="stable")[:TRIED]]
-        fit = min((fitted(near, where, x, EFFORT_FIRST) for x in starts), key=lambda fit: fit.chi2)
-        for periods in FIRST[1:]:
-            fit = fitted(within(hit, noise, periods), where, fit.x, EFFORT_FIRST)
-        begun.append(fit)
-    found = []
-    for fit in sorted(begun, key=lambda fit: fit.chi2)[:LAWS]:
-        full = whole(objective, along(hit, noise, fit))
-        if full.chi2 < base.chi2:
-            found.append(Hypothesis(full.coordinates.effects, full, profile_loss(objective, full.w)))
-    return found
+        begun.append(over_first(hit, noise, near, where, starts))
+    return over_whole(hit, noise, objective, base, sorted(begun, key=lambda fit: fit.chi2)[:LAWS])
 
 
 def _trials(

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.effects import ActiveEffect
+from jointscope.diagnosis.effects.strangers import TURNS
 from jointscope.diagnosis.per_run import run_steps, telling
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage
     from jointscope.diagnosis.effects import EffectSpec
 
-ORDERS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn
-KEPT = 2  # of them, the best
+KEPT = 2  # orders, the best
 NUMBERS = 3  # of a line: a mean, a sine and a cosine
 
 
@@ -39,7 +39,7 @@ def by_posture(stage: Stage, specs: Sequence[EffectSpec]) -> list[ActiveEffect]:
     if len(np.unique(np.round(angles, 3))) <= NUMBERS:
         return []
     found = []
-    for order in ORDERS:
+    for order in TURNS:
         columns = np.stack([np.ones_like(angles), np.sin(order * angles), np.cos(order * angles)], axis=1)
         (mean, sine, cosine), *_ = np.linalg.lstsq(columns, values[known], rcond=None)
         left = float(np.sum(np.square(values[known] - columns @ (mean, sine, cosine))))

@@ -66,12 +66,8 @@ def ring_downs(stage: Stage, objective: Objective, base: Fit, specs: Sequence[Ef
     hit, noise = replace(stage.objective, runs=hits, whiteners=()), stage.noise
     theta, _ = base.coordinates.unpack(base.x)
     begun = sorted((_first(hit, noise, theta, spec) for spec in laws), key=lambda fit: fit.chi2)
-    found = []
-    for fit in [fit for fit in begun[:LAWS] if fit.chi2 < AS_NEAR * begun[0].chi2]:
-        full = whole(objective, along(hit, noise, fit))
-        if full.chi2 < base.chi2:
-            found.append(Hypothesis(full.coordinates.effects, full, profile_loss(objective, full.w)))
-    return found
+    near = [fit for fit in begun[:LAWS] if fit.chi2 < AS_NEAR * begun[0].chi2]
+    return over_whole(hit, noise, objective, base, near)
 
 
 def struck_on_the_brake(stage: Stage) -> tuple[int, ...]:
@@ -84,33 +80,50 @@ def _first(hit: Objective, noise: NoiseModel, theta: np.ndarray, spec: EffectSpe
     """The law over the first periods, from the best of a grid."""
     near = within(hit, noise, FIRST[0])
     where = coarse(coordinates(near.problem, (spec,)))
-    fits = [fitted(near, where, x, EFFORT_FIRST) for x in _starts(near, theta, spec, where)]
-    fit = min(fits, key=lambda fit: fit.chi2)
+    return over_first(hit, noise, near, where, _starts(near, theta, spec, where))
+
+
+def over_first(
+    hit: Objective, noise: NoiseModel, near: Objective, where: Coordinates, starts: Sequence[np.ndarray]
+) -> Fit:
+    """The best of ``starts`` fitted to the first window, ``near``, and then to the next few."""
+    fit = min((_fit(near, where, x, EFFORT_FIRST) for x in starts), key=lambda fit: fit.chi2)
     for periods in FIRST[1:]:
-        fit = fitted(within(hit, noise, periods), where, fit.x, EFFORT_FIRST)
+        fit = _fit(within(hit, noise, periods), where, fit.x, EFFORT_FIRST)
     return fit
 
 
-def along(hit: Objective, noise: NoiseModel, fit: Fit) -> Fit:
+def over_whole(
+    hit: Objective, noise: NoiseModel, objective: Objective, base: Fit, begun: Sequence[Fit]
+) -> list[Hypothesis]:
+    """What was begun over first periods, fitted to whole runs; without what explains nothing there."""
+    found = []
+    for fit in begun:
+        whole = _whole(objective, _along(hit, noise, fit))
+        if whole.chi2 < base.chi2:
+            found.append(Hypothesis(whole.coordinates.effects, whole, profile_loss(objective, whole.w)))
+    return found
+
+
+def _along(hit: Objective, noise: NoiseModel, fit: Fit) -> Fit:
     """The fit to all of the ring-downs, by way of ever longer parts of them."""
     periods = FIRST[-1] * WIDER
     longest = max(hit.problem.runs[i].steps / hit.problem.runs[i].grid_rate for i in hit.runs)
     while periods < min(LAST, longest * hit.problem.scales.frequency):
-        fit = fitted(within(hit, noise, periods), fit.coordinates, fit.x, EFFORT_FURTHER)
+        fit = _fit(within(hit, noise, periods), fit.coordinates, fit.x, EFFORT_FURTHER)
         periods *= WIDER
     return fit
 
 
-def fitted(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[int, int]) -> Fit:
-    """A fit of so many iterations and simulations."""
+def _fit(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[int, int]) -> Fit:
     return least_squares(objective, where, x, iterations=effort[0], tolerance=3e-3, simulations=effort[1])
 
 
-def whole(objective: Objective, fit: Fit) -> Fit:
+def _whole(objective: Objective, fit: Fit) -> Fit:
     """Fitted on to whole runs, once with steps across contacts and once with small ones."""
     where = coordinates(objective.problem, fit.coordinates.effects)
-    rough = fitted(objective, coarse(where), fit.x, EFFORT_WHOLE)
-    return fitted(objective, where, rough.x, EFFORT_WHOLE)
+    rough = _fit(objective, coarse(where), fit.x, EFFORT_WHOLE)
+    return _fit(objective, where, rough.x, EFFORT_WHOLE)
 
 
 def coarse(where: Coordinates) -> Coordinates:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 WARMING = (1.0, 4.0)  # s, time constants that are tried
 _HITS = ("hammer", "torque-sweep")
 POSTURES = 4  # of the arm, in which a stiffness that varies with its angle is told from two of its numbers
-_TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
+TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
 
 
 def _turning(per_output: bool) -> Apply:
@@ -119,7 +119,7 @@ SPECS: tuple[EffectSpec, ...] = (
             look_alikes=("transmission-error", "torque-ripple"),
             apply=_turning(per_output),
             scale=lambda problem: (0.003, 0.02, 0.1),
-            starts=lambda problem: tuple((turns, phase) for turns in _TURNS for phase in TURNED),
+            starts=lambda problem: tuple((turns, phase) for turns in TURNS for phase in TURNED),
             possible=_turned_through(per_output=per_output),
         )
         for variant, order, per_output in (
