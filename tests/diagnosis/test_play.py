@@ -201,6 +201,19 @@ def test_a_bent_spring_beside_play_is_found_from_what_play_alone_is_fitted_to(pr
     assert bent.values[0] == pytest.approx(0.11, rel=0.3)
 
 
+def test_beside_play_alone_no_bent_spring_is_found(problem, recorded):
+    """The gap is found; what a spring's bend gains beside it is noise's, 15 nats at most."""
+    laws = {spec.variant: spec for spec in catalogue(problem) if spec.name in NAMES}
+    wind_up = problem.scales.wind_up
+    quiet = recorded(problem, 1e-3, effects=(ActiveEffect(laws["free-flight"], (0.01 * wind_up,)),))
+    with ThreadPoolExecutor(2) as pool:
+        stage = refit_base(quiet, predict_outputs, tuple(range(len(quiet.runs))), pool)
+        alone = min(ring_downs(stage, stage.objective, stage.fit, catalogue(quiet)), key=lambda h: h.loss)
+        both = bent_play(stage, stage.objective, stage.fit, alone, [laws["piecewise"], laws["cubic"]])
+    assert alone.fit.chi2 < 0.2 * stage.fit.chi2
+    assert all(0.5 * (alone.fit.chi2 - h.fit.chi2) < 15.0 for h in both)
+
+
 def test_where_nothing_hits_a_held_joint_there_is_no_ring_down(builders, plant):
     driven = prepare(builders.campaign_of([builders.sweep_run(plant, 30.0, "s")]))
     with ThreadPoolExecutor(1) as pool:
