@@ -80,7 +80,25 @@ def driven_torque(assembly: Assembly) -> Vector:
     offset = assembly.base("torque_offset")
     if offset != 0.0:
         torque = torque + offset
-    return torque if factor == 1.0 else torque * factor
+    driven = torque if factor == 1.0 else torque * factor
+    return driven - cold_drag(assembly) if chain.thinning[0] != 0.0 and run.observed is not None else driven
+
+
+def cold_drag(assembly: Assembly) -> Vector:
+    """c exp(-E/t) v at half steps [N m], E = int (v/v_0)^2 dt: what grease drags that has not been worked, shape (2 n + 1,).
+
+    v is the observed speed, v_0 half of the fastest run's. The grease is cold where a run begins.
+    """
+    run, (coefficient, time_constant) = assembly.run, assembly.chain.thinning
+    step = 0.5 / run.grid_rate
+    v = (
+        run.observed_half
+        if run.observed is not None and run.observed.rate_signal
+        else np.gradient(run.observed_half, step)
+    )
+    reference = max(0.5 * assembly.problem.scales.motor_speed, 1e-12)
+    worked = np.cumsum(np.square(v / reference)) * step
+    return np.asarray(coefficient * np.exp(-worked / time_constant) * v)
 
 
 def aged(u: Vector, steps: float) -> Vector:

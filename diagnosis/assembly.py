@@ -92,6 +92,7 @@ class Chain:
         torque_gain: True over stated torque constant or efficiency [-].
         heat: Share by which the torque constant has fallen in the end where the torque stays at half its largest [-], and the
             time constant of that [s].
+        thinning: What cold grease drags more [N m s/rad], and the time after which a third of it is left [s].
         lags: Time constants of the stages through which the torque follows the logged one [s].
         loop: Time constant of a current loop tuned to the magnitude optimum [s], 0 without.
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
@@ -111,6 +112,7 @@ class Chain:
     force_gain: float = 1.0
     torque_gain: float = 1.0
     heat: tuple[float, float] = (0.0, 1.0)
+    thinning: tuple[float, float] = (0.0, 1.0)
     lags: tuple[float, ...] = ()
     loop: float = 0.0
     log_rate: float = math.inf

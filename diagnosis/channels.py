@@ -249,20 +249,23 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
     """The physical quantity at the sensor on the simulation grid, in the output's unit."""
     quantity, motor = output.quantity, output.location == "motor"
     n = gearing(quantity, output.location, run.ratio)
+    q, v, a = (
+        (kernel.X_QS, kernel.X_VS, kernel.X_AS) if motor and run.spring else (kernel.X_Q, kernel.X_V, kernel.X_A)
+    )
     if quantity in ("angle", "position"):
-        column = states[:, kernel.X_QS] if motor else states[:, kernel.X_Q]
+        column = states[:, q]  # of a rigid axis the motor turns as the arm does
         return np.asarray((column - column[0] + run.initial_angle) * n)
     if quantity == WIND_UP:
         return np.asarray(states[:, kernel.X_QS] - states[:, kernel.X_Q])
     if quantity in ("angular-velocity", "velocity"):
-        return np.asarray(states[:, kernel.X_VS] * n if motor else states[:, kernel.X_V])
+        return np.asarray(states[:, v] * n if motor else states[:, v])
     if quantity in FORCES and run.mode != "prescribed-load":
         column = states[:, kernel.X_TEXT if run.mode == "prescribed-motor" else kernel.X_TAU]
         return np.asarray(column / assembly.drive_factor)
     if quantity == "force":
         return np.asarray(states[:, kernel.X_TEXT] / (output.radius or 1.0))
     if motor:
-        return np.asarray(states[:, kernel.X_AS] * n)
+        return np.asarray(states[:, a] * n)
     acceleration = states[:, kernel.X_A]
     if assembly.S[kernel.AT_LINK] >= 0 and assembly.P[kernel.LINK_SENSE] != 0.0:
         follows = beyond(output.radius, assembly.elbow, assembly.curve) if output.radius else 1.0

@@ -35,9 +35,9 @@ from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.diagnosis.split import Split, split_runs
 from jointscope.diagnosis.turning import repeating
 from jointscope.diagnosis.twins import each_once
+from jointscope.diagnosis.two_of_three import answered
 from jointscope.diagnosis.verdict import (
     Decision,
-    decide,
     with_changes,
     with_followed_input,
     with_remainder,
@@ -136,7 +136,7 @@ def diagnose(
     screening, hypotheses = explore(stage, specs, effort, report, outside)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
-    decision = decide(judgement)
+    decision = answered(judgement)
     report("looking once more under the noise that is left")
     for _ in range(LOOKS):
         further = second_look(judgement, decision.chosen, screening, specs, effort)
@@ -144,14 +144,14 @@ def diagnose(
             break
         hypotheses = (*each_once(judgement.judged[1:]), *further)
         judgement = judge(stage, hypotheses, split.held_out)
-        before, decision = decision, decide(judgement)
+        before, decision = decision, answered(judgement)
         if decision.chosen.names == before.chosen.names:
             break
     repeats = repeating(judgement, decision.chosen)
     richer = overtones(judgement, decision.chosen, repeats, specs, effort)
     if richer:
         judgement = judge(stage, (*each_once(judgement.judged[1:]), *richer), split.held_out)
-        decision = decide(judgement)
+        decision = answered(judgement)
         repeats = repeating(judgement, decision.chosen)
     following = remainders(judgement, decision.chosen)
     left = (*following, *repeats)

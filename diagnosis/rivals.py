@@ -59,7 +59,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     # of as many, but from a lag of the wrong order the next effect is missed
     "first-order": ("second-order", "magnitude-optimum"),
     "second-order": ("first-order", "magnitude-optimum"),
-    **dict.fromkeys(("cubic", "piecewise"), ("piecewise-cubic",)),
+    **dict.fromkeys(("cubic", "piecewise"), ("piecewise-cubic", "power")),
     "elbow": ("cantilever",),
     "mount": ("mount-limited",),
     "input-side-rounded": ("input-side-quadrants",),

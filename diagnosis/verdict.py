@@ -59,6 +59,9 @@ MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
 UNHEARD = 0.0005  # of the signal's rms, which the best of records holds: an unnamed force that does less is none
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
+BESIDE_NAMED = (
+    0.05  # of the rms that the named effects explain, below which what still follows the input is their forms'
+)
 AS_MUCH_AS_NAMED = 0.65  # of what the named effects gained, explained by the input alone: then they are no answer
 NEAR = 3.0  # belief nats within which rivals are listed
 
@@ -305,6 +308,11 @@ def decide(judgement: Judgement) -> Decision:
 def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:
     """The answer in view of what still follows the input: there it is not all of it, and with nothing named, unknown."""
     standing_out = [r for r in left if r.stands]
+    if decision.verdict == "effects":
+        explained = next(r.comparison for r in decision.ranking if r.judged is decision.chosen)
+        standing_out = [
+            r for r in standing_out if explained is None or r.material > BESIDE_NAMED * explained.material
+        ]
     if not standing_out or decision.verdict == "unknown" or decision.candidates:
         return decision
     most = max(r.gain for r in standing_out)
@@ -335,8 +343,8 @@ def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: 
         left: What the named effects leave and follows the input: nothing, where they are right and all there is.
         at_base: The same of the base; what the named effects took of it is what they are held against.
     """
-    if decision.verdict != "effects" or not any(r.stands for r in left):
-        return decision
+    if decision.verdict != "effects" or decision.candidates or not any(r.stands for r in left):
+        return decision  # what rivals share is all that is named, and each of them follows the input beside it
     followed = _owed(at_base) - _owed(left)  # what is left owes to something else
     named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
     if _owed(left) < BY_FORM * named:

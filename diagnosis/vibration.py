@@ -94,12 +94,12 @@ def response(assembly: Assembly, run: PreparedRun, output: Output, omega: float)
         return complex(value * ((output.radius or 1.0) if output.quantity == "linear-acceleration" else 1.0))
     if output.quantity == WIND_UP:
         return complex(truth[0] - truth[1])
-    side = truth[0 if output.location == "motor" else 1]
+    side = truth[0 if output.location == "motor" and run.spring else 1]  # a rigid axis has one motion
     scale = gearing(output.quantity, output.location, run.ratio)
     if output.quantity in ("angle", "position"):
         return complex((side - follow) * scale)
     if output.quantity in ("angular-velocity", "velocity"):
         return complex(s * (side - follow) * scale)
     if output.quantity in ACCELERATIONS:
-        return complex(s * s * truth[0] * scale)
+        return complex(s * s * side * scale)
     return 0.0

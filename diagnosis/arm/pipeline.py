@@ -21,7 +21,8 @@ from jointscope.diagnosis.pipeline import Diagnosis, silent
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.split import split_runs
-from jointscope.diagnosis.verdict import Decision, beyond, decide
+from jointscope.diagnosis.two_of_three import answered
+from jointscope.diagnosis.verdict import Decision, beyond
 
 EFFORT = Effort(
     hits=5,
@@ -79,6 +80,6 @@ def diagnose_arm(
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
     nowhere = Places((), {}, None)
-    decision = _within_geometry(judgement, decide(judgement))
+    decision = _within_geometry(judgement, answered(judgement))
     whole = Diagnosis(problem, split, stage, screening, judgement, decision, nowhere, None)
     return handed_on(whole, free_prediction)

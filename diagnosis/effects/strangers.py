@@ -4,6 +4,7 @@ r"""Physics that the diagnosis contract's table does not hold, and that one of i
     T_S = K Delta + (c + d |Delta|) Delta'                contacts that rub the more the further they are wound up
     motor held by a brake that slips above a torque       hits only
     tau = eta n T_e (1 - s h), t h' = (T_e/T_0)^2 - h     a torque constant that falls as the motor warms within a run
+    tau - c exp(-E/t) q_s', E' = (q_s'/v_0)^2             grease that thins as it is worked, cold where a run begins
 
 They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
 have no counterpart in the MuJoCo model.
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 WARMING = (1.0, 4.0)  # s, time constants that are tried
+THINS = (0.5, 3.0)  # s at half the largest speed, after which a third is left of what cold grease drags more
 _HITS = ("hammer", "torque-sweep")
 POSTURES = 4  # of the arm, in which a stiffness that varies with its angle is told from two of its numbers
 TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
@@ -69,6 +71,10 @@ def _warming(assembly: Assembly, values: Values, weight: float) -> None:
     assembly.chain.heat = values[0], values[1]
 
 
+def _thinning(assembly: Assembly, values: Values, weight: float) -> None:
+    assembly.chain.thinning = values[0], values[1]
+
+
 def _turned_through(*, per_output: bool) -> Possible:
     """Whether motions turn far enough, or hits and sweeps were made in enough postures of the output."""
     in_motion = possible_line(spring=True, per_output=per_output)
@@ -87,6 +93,17 @@ def _needs_runs_of_torque(problem: Problem) -> str | None:
     if reason is None and problem.scales.duration < WARMING[0]:
         return "no run is long enough for a motor to warm"
     return reason
+
+
+def _needs_followed_motions(problem: Problem) -> str | None:
+    if any(run.motor_moves and run.observed is not None and not run.observed.commanded for run in problem.runs):
+        return needs_motor_torque(problem)
+    return "no run follows what it drives by its log"
+
+
+def _cold_sizes(problem: Problem) -> tuple[float, float, float]:
+    unit = problem.scales.motor_torque / max(problem.scales.motor_speed, 1e-12)
+    return 0.005 * unit, 0.03 * unit, 0.15 * unit
 
 
 def _rubbing_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -157,6 +174,23 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=lambda problem: (0.01, 0.05, 0.2),
         starts=lambda problem: tuple((time,) for time in WARMING),
         possible=_needs_runs_of_torque,
+    ),
+    EffectSpec(
+        name="thinning",
+        location="motor",
+        variant="as-worked",
+        family="dissipative",
+        parameters=(
+            ParameterSpec("coefficient", "N m s/rad", 0.0, 1e12, null=0.0),
+            ParameterSpec("time_constant", "s", 0.05, 1e3, log=True),
+        ),
+        law="a viscous friction that falls as the grease is worked, cold where a run begins",
+        revealed_by=("speed-motion",),
+        look_alikes=("coulomb-friction", "stribeck-friction", "torque-gain"),
+        apply=_thinning,
+        scale=_cold_sizes,
+        starts=lambda problem: tuple((time,) for time in THINS),
+        possible=_needs_followed_motions,
     ),
     EffectSpec(
         name="brake-slip",

@@ -3,6 +3,7 @@ r"""Laws of the transmission's torque beside play (``play``): nonlinear and drif
     T_S = K Delta + k_3 Delta^3 (+ k_2 Delta^2)                                  cubic
     T_S = K Delta - dK clip(Delta, +-d) (+ k_3 Delta^3)                          soft at low torque (dK > 0)
     T_S = K Delta (1 - share d^2/(Delta^2 + d^2))         the same without a corner
+    T_S = K Delta (1 + growth |Delta/d|^(p - 1))                              a power, d known
     T_S = K (1 + i eta) Delta, by relaxation branches or rate-independently      structural damping
     T_S = K (1 + rate t) Delta                                                   drift
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
+KNOWN = 1e-6  # of an angle that only says what the others are counted in
 _BRANCHES = kernel.MOST_BRANCHES
 _SPACING = (
     4.0  # of the branches' relaxation times: loss factor flat within 7 % from a fifth to five times the resonance
@@ -54,6 +56,11 @@ def _piecewise(assembly: Assembly, values: Values, weight: float) -> None:
 def _smooth(assembly: Assembly, values: Values, weight: float) -> None:
     _piecewise(assembly, values, weight)
     assembly.P[kernel.SOFT_SMOOTH] = 1.0
+
+
+def _power(assembly: Assembly, values: Values, weight: float) -> None:
+    P = assembly.P
+    P[kernel.POW_K], P[kernel.POW_EXPONENT], P[kernel.POW_ANGLE] = values[0] * P[kernel.K], values[1], values[2]
 
 
 def _piecewise_cubic(assembly: Assembly, values: Values, weight: float) -> None:
@@ -128,6 +135,15 @@ def _cubic_limits(problem: Problem) -> dict[str, tuple[float, float]]:
     return {"cubic": (-0.3 * unit, 10.0 * unit), "quadratic": (-unit, unit)}
 
 
+def _power_starts(problem: Problem) -> tuple[Values, ...]:
+    return tuple((exponent, problem.scales.wind_up) for exponent in (1.5, 2.0))
+
+
+def _power_limits(problem: Problem) -> dict[str, tuple[float, float]]:
+    a = problem.scales.wind_up
+    return {"growth": (-0.3, 10.0), "reference_angle": ((1.0 - KNOWN) * a, (1.0 + KNOWN) * a)}
+
+
 def _soft_starts(problem: Problem) -> tuple[Values, ...]:
     a = problem.scales.wind_up
     return tuple((share * a,) for share in (0.05, 0.15, 0.4))
@@ -188,6 +204,25 @@ SPECS: tuple[EffectSpec, ...] = (
         starts=lambda problem: tuple((*angle, 0.0) for angle in _soft_starts(problem)),
         possible=needs_spring,
         limits=lambda problem: {**_soft_limits(problem), **_cubic_limits(problem)},
+    ),
+    EffectSpec(
+        name="stiffness-nonlinearity",
+        location="transmission",
+        variant="power",
+        family="stiffness",
+        parameters=(
+            ParameterSpec("growth", "1", -0.9, 1e3, null=0.0),
+            ParameterSpec("exponent", "1", 1.2, 5.0),
+            ParameterSpec("reference_angle", "rad", 1e-9, 10.0),
+        ),
+        law="K Delta (1 + growth |Delta/reference_angle|^(exponent - 1))",
+        revealed_by=_HITS,
+        look_alikes=_SPRING[1:],
+        apply=_power,
+        scale=lambda problem: (0.01, 0.06, 0.3),
+        starts=_power_starts,
+        possible=needs_spring,
+        limits=_power_limits,
     ),
     *(
         EffectSpec(

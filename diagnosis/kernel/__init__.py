@@ -69,6 +69,7 @@ def simulate(
         or P[PAR_SHARE] != 0.0
         or P[RUB] != 0.0
         or P[SOFT_SMOOTH] != 0.0
+        or P[POW_K] != 0.0
         or P[GAP_ROUND] != 0.0
         or P[GAP_SHEDS] != 0.0
         or P[GAP_CORNER] != 0.0

@@ -195,6 +195,8 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     torque = factor * P[K] * el
     if P[K_3] != 0.0 or P[K_2] != 0.0:
         torque += (P[K_2] + P[K_3] * el) * el * el
+    if P[POW_K] != 0.0:
+        torque += P[POW_K] * el * (abs(el) / P[POW_ANGLE]) ** (P[POW_EXPONENT] - 1.0)
     if P[K_SOFT] != 0.0:
         torque -= P[K_SOFT] * missing(el, P[SOFT_ANGLE], P[SOFT_SMOOTH])
     return torque, contact

@@ -75,7 +75,12 @@ ROUND_M_QUADRANT, ROUND_L_QUADRANT = (
 )  # share by which friction per torque is less where the torque drives the motion, and more where it brakes it
 GAP_IMPACT = 152  # damping per elastic torque [s/rad]: Hunt and Crossley's
 TE_REACTS = 153  # 1 where a kinematic error does no work: T_S drives what turns it, too
-N_P = 154
+POW_K, POW_ANGLE, POW_EXPONENT = (
+    154,
+    155,
+    156,
+)  # stiffness [N m/rad] that |el|/angle to the power exponent - 1 adds
+N_P = 157
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -38,7 +38,7 @@ def _scalar_rates_source(
     """
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
-    lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre = on
+    lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre, power = on
     delta, rate = q_s - q, v_s - v
     back_m, back_l = 0.0, 0.0
     if rich:
@@ -74,6 +74,8 @@ def _scalar_rates_source(
                 P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE]
             )
     T = k * factor * el + (k_2 + k_3 * el) * el * el
+    if rich and power:
+        T += P[POW_K] * el * (abs(el) / P[POW_ANGLE]) ** (P[POW_EXPONENT] - 1.0)
     if rich and impact:
         damping += P[GAP_IMPACT] * abs(T)
     T += damping * rate

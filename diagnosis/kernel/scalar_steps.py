@@ -58,12 +58,12 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
             P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
         )  # fmt: skip
         # what is switched on, read once: each look would cost every stage
-        on = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)  # fmt: skip
+        on = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)  # fmt: skip
         if RICH:
             on = (
                 S[N_TE], int(P[GAP_CORNER] > 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0), int(P[PAR_SHARE] != 0.0),
                 int(P[GAP_IMPACT] != 0.0), int(P[GAP_SHEDS] != 0.0), int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE],
-                S[N_RIPPLE], int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE],
+                S[N_RIPPLE], int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE], int(P[POW_K] != 0.0),
             )  # fmt: skip
         turn = (q, math.cos(q), math.sin(q))
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)

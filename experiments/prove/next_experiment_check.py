@@ -32,7 +32,8 @@ from jointscope.diagnosis.prepare import Problem, prepare
 from jointscope.diagnosis.rounds import explore
 from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.split import split_runs
-from jointscope.diagnosis.verdict import Decision, decide
+from jointscope.diagnosis.two_of_three import answered
+from jointscope.diagnosis.verdict import Decision
 from jointscope.experiments.rehearsal.bench import Work, carry_out
 from jointscope.progress import track
 from jointscope.recordings.campaign import Campaign, Run
@@ -144,7 +145,7 @@ def answer(campaign: Campaign, labels: frozenset[str], pool: ThreadPoolExecutor)
     stage = refit_base(problem, predict_outputs, split.estimate, pool)
     _, hypotheses = explore(stage, specs, QUICK, silent)
     judgement = judge(stage, hypotheses, split.held_out)
-    return Answer(problem, judgement, decide(judgement))
+    return Answer(problem, judgement, answered(judgement))
 
 
 @dataclass(frozen=True, eq=False)

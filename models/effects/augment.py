@@ -25,7 +25,7 @@ _EFFECTS: dict[str, tuple[Writer, tuple[str, ...], float | None]] = {
     "load-dependent-friction": (friction.load_dependent, ("coefficient",), 0.0),
     "quadratic-damping": (friction.quadratic, ("coefficient",), 0.0),
     "backlash": (transmission.backlash, ("gap",), 0.0),
-    "stiffness-nonlinearity": (transmission.nonlinear_stiffness, ("cubic", "soft_share"), 0.0),
+    "stiffness-nonlinearity": (transmission.nonlinear_stiffness, ("cubic", "soft_share", "growth"), 0.0),
     "hysteresis": (transmission.hysteresis, ("torque",), 0.0),
     "structural-damping": (transmission.structural, ("loss_factor",), 0.0),
     "stiffness-drift": (transmission.drift, ("rate",), 0.0),

@@ -48,6 +48,7 @@ class Building:
         gap_corner: Half width of the bends in place of its corners [rad].
         gap_impact: Damping per elastic torque [s/rad].
         soft, soft_angle, soft_smooth: Stiffness missing within +-angle [N m/rad], [rad]; whether it fades without a corner.
+        power: Stiffness that grows with a power of the stretch [N m/rad], where it is that [rad], the power [-].
         weight: Moment of the arm's weight and its direction, M exp(i phi), in -M cos(q + phi) [N m]; [N] where it slides.
         friction: Dry torque and its constant part against positive motion, at ``motor`` and ``load`` [N m].
         laws: What MJCF has no element for.
@@ -78,6 +79,7 @@ class Building:
     soft: float = 0.0
     soft_angle: float = 0.0
     soft_smooth: bool = False
+    power: tuple[float, float, float] = (0.0, 1.0, 2.0)
     friction: dict[str, tuple[float, float]] = field(default_factory=dict)
     laws: list[dict[str, Any]] = field(default_factory=list)
     native: list[dict[str, Any]] = field(default_factory=list)
@@ -127,6 +129,9 @@ class Building:
             "soft_stiffness": self.soft,
             "soft_angle": self.soft_angle,
             "soft_smooth": float(self.soft_smooth),
+            "power_stiffness": self.power[0],
+            "power_angle": self.power[1],
+            "power_exponent": self.power[2],
         }
 
     def finish(self) -> mujoco.MjSpec:
@@ -145,6 +150,8 @@ class Building:
             self.law("gap-damping")
         if self.soft_smooth:
             self.law("soft-middle")
+        if self.power[0] != 0.0:
+            self.law("power-spring")
         if not self.single:
             return self.spec
         fixed = brake(self.spec, 0.0)

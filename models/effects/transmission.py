@@ -41,7 +41,10 @@ def backlash(building: Building, location: str, variant: str, p: Parameters) -> 
 
 
 def nonlinear_stiffness(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """K Delta + k_2 Delta^2 + k_3 Delta^3, a share of K missing within +-transition_angle, at a corner or not, or both."""
+    """K Delta + k_2 Delta^2 + k_3 Delta^3, a share of K missing within +-transition_angle (or not at a corner); a power."""
+    if variant == "power":
+        building.power = (p["growth"] * building.stiffness, p["reference_angle"], p["exponent"])
+        return ""
     soft = variant.startswith("piecewise") or "soft_share" in p
     if soft:
         building.soft = p["soft_share"] * building.stiffness

@@ -24,10 +24,10 @@ Real = NDArray[np.float64]
 Law = Mapping[str, Any]
 
 MECHANICS = (
-    "transmission-error", "gap-damping", "soft-middle", "stiffness-drift", *MEMORIES, "friction-level", "torque-ripple", "weight",
-    "external-vibration", "table", "bristles", "stop-loss",
+    "transmission-error", "gap-damping", "soft-middle", "power-spring", "stiffness-drift", *MEMORIES, "friction-level",
+    "torque-ripple", "weight", "external-vibration", "table", "bristles", "stop-loss",
 )  # fmt: skip
-_ON_SPRING = ("transmission-error", "gap-damping", "soft-middle", "stiffness-drift", *MEMORIES)
+_ON_SPRING = ("transmission-error", "gap-damping", "soft-middle", "power-spring", "stiffness-drift", *MEMORIES)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,6 +37,8 @@ class Spring:
         gap_corner: Half width of the bends in place of the play's corners, which no element of the MJCF gives [rad].
         soft_stiffness, soft_angle: [N m/rad], [rad].
         soft_smooth: 1 where a soft middle has no corner, which no element of the MJCF gives.
+        power_stiffness, power_angle, power_exponent: What grows with a power of the stretch, S el |el/d|^(p - 1); not in
+            the MJCF [N m/rad], [rad], [-].
     """
 
     stiffness: float
@@ -54,6 +56,9 @@ class Spring:
     soft_stiffness: float = 0.0
     soft_angle: float = 0.0
     soft_smooth: float = 0.0
+    power_stiffness: float = 0.0
+    power_angle: float = 1.0
+    power_exponent: float = 2.0
 
     def stretch(self, delta: float) -> tuple[float, bool]:
         """Elastic part of the wind-up [rad], and whether the teeth touch."""
@@ -70,6 +75,8 @@ class Spring:
     def elastic(self, el: float, factor: float = 1.0) -> float:
         """Torque of the stretch ``el`` [N m]; ``factor`` scales K alone."""
         torque = (factor * self.stiffness + (self.quadratic + self.cubic * el) * el) * el
+        if self.power_stiffness != 0.0:
+            torque += self.power_stiffness * math.pow(abs(el) / self.power_angle, self.power_exponent - 1.0) * el
         if self.soft_smooth and self.soft_stiffness != 0.0:
             d = self.soft_angle
             torque -= self.soft_stiffness * el * d * d / (el * el + d * d)
@@ -80,6 +87,7 @@ class Spring:
     def native(self, delta: float, rate: float) -> float:
         """What the MJCF's elements give: its damper acts inside the play too [N m]."""
         cornered = replace(self, soft_stiffness=0.0) if self.soft_smooth else self
+        cornered = replace(cornered, power_stiffness=0.0) if cornered.power_stiffness != 0.0 else cornered
         return cornered.elastic(self.stretch(delta)[0]) + self.damping * rate
 
     def torque(self, delta: float, rate: float, factor: float = 1.0) -> float:

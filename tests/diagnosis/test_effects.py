@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
-from jointscope.diagnosis.acquisition import heated
+from jointscope.diagnosis.acquisition import cold_drag, heated
 from jointscope.diagnosis.effects import (
     DRIFT_PER_RUN,
     LATENT,
@@ -376,3 +377,15 @@ def test_a_motor_that_warms_loses_its_torque_by_the_torque_squared():
         expected = 0.3 * (u / 50.0) ** 2 * (1.0 - np.exp(-t / 0.8))
         assert np.max(np.abs(lost - expected)) < 2e-3 * expected[-1]
     assert np.array_equal(heated(np.full(t.size, 5.0), 50.0, 0.0, 0.8, rate), np.full(t.size, 5.0))
+
+
+@pytest.mark.parametrize("speed", [True, False])
+def test_cold_grease_drags_less_the_more_it_was_worked(speed):
+    """At a constant speed v by c exp(-(v/v_0)^2 t/T) v, v_0 half of the largest; read from an angle as from a speed."""
+    rate, v, c, T = 500.0, -0.8, 40.0, 1.5
+    t = np.arange(2001) / (2.0 * rate)
+    observed = np.full(t.size, v) if speed else v * t
+    run = SimpleNamespace(grid_rate=rate, observed_half=observed, observed=SimpleNamespace(rate_signal=speed))
+    problem = SimpleNamespace(scales=SimpleNamespace(motor_speed=2.0))
+    drag = cold_drag(SimpleNamespace(run=run, problem=problem, chain=SimpleNamespace(thinning=(c, T))))
+    np.testing.assert_allclose(drag, c * np.exp(-(v**2) * t / T) * v, rtol=1e-3)

@@ -262,6 +262,19 @@ def test_a_smooth_soft_middle_lowers_the_backbone_by_its_mean_over_a_swing(share
     assert frequency(t, out[:, k.X_Q]) == pytest.approx(math.sqrt(1.0 - less) * W0 / 2 / math.pi, rel=2e-3)
 
 
+@pytest.mark.parametrize("exponent", [1.6, 3.0])
+def test_a_power_bends_the_backbone_by_its_mean_over_a_swing(exponent):
+    """f^2 rises by growth (A/d)^(p-1) 2 <|sin|^(p+1)>; p = 3 is a cubic, whose mean is 3/8."""
+    A, d, growth = 6e-4, 3e-4, 0.02
+    P, S = packed(POW_K=growth * KW["K"], POW_ANGLE=d, POW_EXPONENT=exponent)
+    t, out = run(P, S, x=(0, 0, A, 0), duration=1.0)
+    swing = np.abs(np.sin(np.linspace(0.0, 2.0 * math.pi, 4001)[1:]))
+    more = growth * (A / d) ** (exponent - 1.0) * 2.0 * float(np.mean(swing ** (exponent + 1.0)))
+    assert frequency(t, out[:, k.X_Q]) == pytest.approx(math.sqrt(1.0 + more) * W0 / 2 / math.pi, rel=1e-3)
+    P, S = packed(POW_K=0.0, POW_ANGLE=d, POW_EXPONENT=exponent)
+    assert np.array_equal(run(P, S, x=(0, 0, A, 0))[1], run(*packed(), x=(0, 0, A, 0))[1])
+
+
 def test_cubic_backbone():
     """f(A) = f0 (1 + 3 k3 A^2/(8 K)) for small k3 A^2/K."""
     A, k3 = 1e-3, 6e9

@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from jointscope.diagnosis.noise import ANGULAR, block_key
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.remainder import Remainder, _rows, remainder_json, remainders
 from jointscope.diagnosis.split import split_runs
-from jointscope.diagnosis.verdict import with_followed_input
+from jointscope.diagnosis.verdict import Decision, Ranked, with_followed_input, with_remainder
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +110,27 @@ def test_what_the_input_explains_as_well_is_not_named(
         of_named = Remainder(key, left, left, left, 0.01)
         of_base = Remainder(key, gain, held_gain, held_gain, 0.01, dispersion=dispersion)
         assert with_followed_input(decision, (of_named,), (of_base,)).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("explained", "material", "verdict"),
+    [
+        (0.5, 0.004, "effects"),  # less than a hundredth of what is named: its form
+        (0.05, 0.004, "unknown"),
+        (0.5, 0.1, "unknown"),
+    ],
+)
+def test_what_is_left_is_held_against_what_was_explained(explained, material, verdict):
+    """In nats it is half of it in each case: an instrument's noise may be so small that any form's error is many nats."""
+    judged = SimpleNamespace(names=("delay@acquisition",))
+    named = Ranked(judged.names, 1.0, 320.0, judged, SimpleNamespace(material=explained))
+    decision = Decision("effects", judged, 1.0, (named,), None, (), SimpleNamespace())
+    key = ("speed-motion", False, "wind-up", "transmission", "tangential", -1.0, 250.0)
+    left = Remainder(key, 165.0, 75.0, 70.0, material)
+    assert with_remainder(decision, (left,)).verdict == verdict
+    assert (
+        with_followed_input(replace(decision, candidates=(("a",), ("b",))), (left,), (left,)).verdict == "effects"
+    )
 
 
 @pytest.mark.parametrize(("echo", "stands"), [(0.0, True), (0.002, True), (0.004, False)])

@@ -126,6 +126,23 @@ def test_a_smooth_soft_middle_lowers_the_backbone_by_its_mean_over_a_swing():
     assert frequency(t, x, 0.1, 0.9) == pytest.approx(math.sqrt(1.0 - less) * W0 / (2.0 * math.pi), rel=3e-3)
 
 
+@pytest.mark.parametrize("exponent", [1.6, 3.0])
+def test_a_power_bends_the_backbone_by_its_mean_over_a_swing(exponent):
+    """f^2 rises by growth (A/d)^(p-1) 2 <|sin|^(p+1)>; p = 3 is a cubic, whose mean is 3/8."""
+    growth, d = 0.005, 3e-4
+    values = dict(growth=growth, exponent=exponent, reference_angle=d)
+    x = stepped(hit(), entry("stiffness-nonlinearity", "transmission", "power", **values))[ARM]
+    t, A = peaks(x)
+    swing = np.abs(np.sin(np.linspace(0.0, 2.0 * math.pi, 4001)[1:]))
+    more = (
+        growth
+        * float(np.mean((A[t > 0.1] / d) ** (exponent - 1.0)))
+        * 2.0
+        * float(np.mean(swing ** (exponent + 1.0)))
+    )
+    assert frequency(t, x, 0.1, 0.9) == pytest.approx(math.sqrt(1.0 + more) * W0 / (2.0 * math.pi), rel=3e-3)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_cubic_bends_the_backbone_by_three_eighths(sign):
     k3 = sign * 2e10
