@@ -23,6 +23,7 @@ from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.overtones import overtones
+from jointscope.diagnosis.plain_base import with_plain_base
 from jointscope.diagnosis.power import Unseen, unseen
 from jointscope.diagnosis.predict import free_prediction
 from jointscope.diagnosis.remainder import Remainder, remainders
@@ -183,7 +184,8 @@ def diagnose(
         changes=changing,
         differing=differing,
     )
-    whole = handed_on(whole, free_prediction)
+    whole = handed_on(with_plain_base(whole, free_prediction), free_prediction)
+    judgement = whole.judgement
     report("weighing what to record next")
     suggestion = suggest(problem, judgement, whole.decision, pool)
     report("weighing what could not have been seen")

@@ -18,6 +18,7 @@ from jointscope.diagnosis.echo import Echo
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.pipeline import Diagnosis, silent
+from jointscope.diagnosis.plain_base import with_plain_base
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.split import split_runs
@@ -82,4 +83,4 @@ def diagnose_arm(
     nowhere = Places((), {}, None)
     decision = _within_geometry(judgement, answered(judgement))
     whole = Diagnosis(problem, split, stage, screening, judgement, decision, nowhere, None)
-    return handed_on(whole, free_prediction)
+    return handed_on(with_plain_base(whole, free_prediction), free_prediction)

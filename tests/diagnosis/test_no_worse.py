@@ -27,7 +27,7 @@ def answered(problem, deciding, monkeypatch):
         monkeypatch.setattr(pipeline, name, lambda *_, result=result: result)
 
     def diagnosed(*actives):
-        monkeypatch.setattr(pipeline, "decide", lambda judgement: deciding(judgement, *actives))
+        monkeypatch.setattr(pipeline, "answered", lambda judgement: deciding(judgement, *actives))
         with ThreadPoolExecutor(1) as pool:
             return pipeline.diagnose(problem, predict_outputs, (), pool).decision
 
@@ -100,7 +100,7 @@ def test_a_second_choice_is_given_where_no_probability_is_left_for_any(problem, 
         first, second = decision.ranking
         return replace(decision, ranking=(replace(first, probability=1.0), replace(second, probability=0.0)))
 
-    monkeypatch.setattr(pipeline, "decide", certain)
+    monkeypatch.setattr(pipeline, "answered", certain)
     with ThreadPoolExecutor(1) as pool:
         second = pipeline.diagnose(problem, predict_outputs, (), pool).decision
     assert second.chosen.names == ("backlash@transmission",)

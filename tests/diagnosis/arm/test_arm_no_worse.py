@@ -36,7 +36,7 @@ def test_an_effect_that_foretells_worse_is_not_named(twice, deciding, monkeypatc
     values = list(spec.starts(twice)[0])
     values.insert(spec.amplitude, spec.parameters[spec.amplitude].null + factor * spec.scale(twice)[2])
     monkeypatch.setattr(pipeline, "explore", lambda *_: (None, []))
-    monkeypatch.setattr(pipeline, "decide", lambda j: deciding(j, ActiveEffect(spec, tuple(values))))
+    monkeypatch.setattr(pipeline, "answered", lambda j: deciding(j, ActiveEffect(spec, tuple(values))))
     with ThreadPoolExecutor(1) as pool:
         decision = pipeline.diagnose_arm(twice, pool).decision
     assert decision.verdict == verdict
