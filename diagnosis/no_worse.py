@@ -13,7 +13,7 @@ from jointscope.diagnosis.adjudicate import compare, score
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.outside import resembled
-from jointscope.diagnosis.verdict import adequacy_of
+from jointscope.diagnosis.verdict import TOO_MANY, adequacy_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
@@ -131,7 +131,12 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
             return replace(diagnosis, decision=replace(decision, chosen=judged, adequacy=fit))
     top = decision.ranking[0]
     named = [r for r in decision.ranking[1:5] if r.names and resembled(r.judged) is None]
-    others = [r for r in named if r.score > SECOND * top.score]
+    of_three = any(
+        r.score > top.score and r.probability == 0.0 and len(r.names) >= TOO_MANY for r in decision.ranking
+    )
+    others = (
+        [] if of_three else [r for r in named if r.score > SECOND * top.score]
+    )  # of three, no other two instead
     kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]
     if kept:
         total = sum(r.probability for r in kept)  # 0 where all are beyond reach of the one that does not stand

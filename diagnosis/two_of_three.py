@@ -2,7 +2,7 @@
 
 A third effect has mostly stood in for a form that is a little wrong, or for physics outside the table, so three are no
 answer (``verdict.TOO_MANY``). What two of them explain is not lost by it: where they are an answer without any set of
-three, and explain more than the third adds, they are named, and the third stays in the ranking.
+three, and the third adds less than half of what they explain, they are named, and the third stays in the ranking.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from jointscope.diagnosis.adjudicate import Judgement
 from jointscope.diagnosis.outside import resembled
-from jointscope.diagnosis.verdict import TOO_MANY, Decision, decide
+from jointscope.diagnosis.verdict import MORE_LEFT, TOO_MANY, Decision, decide
 
 
 def answered(judgement: Judgement) -> Decision:
@@ -25,7 +25,7 @@ def answered(judgement: Judgement) -> Decision:
     by_itself = within.verdict == "effects" and not within.candidates
     if not by_itself or len(two.names) != TOO_MANY - 1 or not set(two.names) < set(top.names):
         return decision
-    if top.score - two.score > two.score:
+    if top.score - two.score > MORE_LEFT * two.score:
         return decision
     further = tuple(replace(r, probability=0.0) for r in decision.ranking if len(r.names) >= TOO_MANY)
     return replace(within, ranking=(*within.ranking, *further))

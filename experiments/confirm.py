@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,8 @@ Real = NDArray[np.float64]
 
 FORMAT = "jointscope-confirm/1"
 LIMITS = (0.9, 1.1)  # of the reduced model's gain
-TIMESTEP = 1e-4  # s; 0.05 % and 0.05 degree below 100 Hz
+TIMESTEP = 1e-4  # s; 0.05 % and 0.05 degree below ...
+SLOWER = 100.0  # Hz; a faster mode takes a step that is finer in proportion
 DIVERGED = 100.0  # an error counts no more than this
 _TAIL = 8  # samples at the end, where a recorder's filter looks past the run
 _SETTLING = 0.5  # s at the start of a run that began in motion
@@ -106,13 +107,13 @@ class Confirmation:
         return LIMITS[0] <= self.ratio <= LIMITS[1]
 
 
-def confirm(directory: Path, *, campaign: Path | None = None, timestep: float = TIMESTEP) -> Confirmation:
+def confirm(directory: Path, *, campaign: Path | None = None, timestep: float | None = None) -> Confirmation:
     """Replay the held-out runs of a diagnosis in MuJoCo.
 
     Args:
         directory: Written by ``jointscope diagnose``.
         campaign: The recordings; where the diagnosis says by default.
-        timestep: h [s].
+        timestep: h [s]; as fine as the named effects ask by default (:func:`step_for`).
 
     Raises:
         InputError: A file is missing or of another kind, or a held-out run is not in the campaign.
@@ -130,8 +131,9 @@ def confirm(directory: Path, *, campaign: Path | None = None, timestep: float = 
         raise RefusedError(
             f"{directory / 'diagnosis.json'}: held_out: no run was kept back, so nothing can be confirmed on new data"
         )
+    h = step_for(answer["effects"]) if timestep is None else timestep
     recordings, _ = zeroed(read_campaign(campaign or _campaign(directory, answer)))
-    checks = tuple(_checks(directory, description, recordings, _held_out(recordings, held["runs"]), timestep))
+    checks = tuple(_checks(directory, description, recordings, _held_out(recordings, held["runs"]), h))
     return Confirmation(
         effects=names,
         checks=checks,
@@ -139,8 +141,20 @@ def confirm(directory: Path, *, campaign: Path | None = None, timestep: float = 
         augmented_error=_mean([check.augmented_error for check in checks]),
         reduced_base_error=float(held["base_error"]),
         reduced_augmented_error=float(held["augmented_error"]),
-        timestep=timestep,
+        timestep=h,
     )
+
+
+def step_for(effects: Sequence[Mapping[str, Any]]) -> float:
+    """Step [s] at which the fastest mode among ``effects`` is as exact as the joint: a ring of 460 Hz slips out of step else."""
+    rates = [
+        float(value["value"])
+        for entry in effects
+        if entry["location"] != "acquisition"
+        for value in entry.get("parameters", {}).values()
+        if value["unit"] == "Hz"
+    ]
+    return TIMESTEP * min(1.0, SLOWER / max([SLOWER, *rates]))
 
 
 def _answer(path: Path) -> dict[str, Any]:

@@ -57,6 +57,25 @@ def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, an
     assert second.probability == pytest.approx(SECOND_CHOICE)
 
 
+def test_where_three_lead_no_other_two_are_a_second_choice(problem, deciding, answered, monkeypatch):
+    """Which two of three foretell a run better is chance; the three are in the ranking with no belief."""
+    worse, no_worse = (
+        sized(problem, *effect)
+        for effect in (("coulomb-friction", "load", 2.0), ("backlash", "transmission", 0.0))
+    )
+    assert answered(worse, no_worse).verdict == "effects"
+
+    def of_three(judgement):
+        decision = deciding(judgement, worse, no_worse)
+        top = decision.ranking[0]
+        three = replace(top, names=(*top.names, "b@load", "c@load"), probability=0.0, score=2.0 * top.score + 1.0)
+        return replace(decision, ranking=(*decision.ranking, three))
+
+    monkeypatch.setattr(pipeline, "answered", of_three)
+    with ThreadPoolExecutor(1) as pool:
+        assert pipeline.diagnose(problem, predict_outputs, (), pool).decision.verdict == "unknown"
+
+
 def test_physics_outside_the_table_is_no_second_choice(problem, answered, monkeypatch):
     monkeypatch.setattr(
         "jointscope.diagnosis.no_worse.resembled",

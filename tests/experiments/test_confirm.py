@@ -13,7 +13,7 @@ from scipy.signal import butter, lfilter
 
 from jointscope.cli import main
 from jointscope.errors import InputError, RefusedError
-from jointscope.experiments.confirm import _check, confirm
+from jointscope.experiments.confirm import TIMESTEP, _check, confirm, step_for
 from jointscope.models.effects import augment, write_augmented
 from jointscope.models.paper import paper_rig
 from jointscope.recordings.bandlimited import bandlimited
@@ -148,6 +148,22 @@ def test_the_right_effect_gains_in_mujoco_what_the_reduced_model_claims(diagnose
     assert {check.run for check in found.checks} == set(
         json.loads((diagnosed / "diagnosis.json").read_text())["held_out"]["runs"]
     )
+
+
+def test_a_fast_mode_is_stepped_finely_enough():
+    """In proportion above 100 Hz; what an instrument does is no motion of MuJoCo's."""
+
+    def named(location, **hertz):
+        return {
+            "effect": "e",
+            "location": location,
+            "parameters": {k: {"value": f, "unit": "Hz"} for k, f in hertz.items()},
+        }
+
+    assert step_for([{"effect": "stiffness-nonlinearity", "location": "transmission"}]) == TIMESTEP
+    assert step_for([named("load", frequency=60.0)]) == TIMESTEP
+    assert step_for([named("load", frequency=20.0, frequency_2=400.0)]) == pytest.approx(0.25 * TIMESTEP)
+    assert step_for([named("acquisition", frequency=2000.0)]) == TIMESTEP
 
 
 @pytest.mark.parametrize(
