@@ -173,6 +173,12 @@ def missing(el: float, angle: float, smooth: float) -> float:
 
 
 @compiled
+def powered(el: float, P: Real) -> float:
+    """What grows with a power of the stretch [N m]."""
+    return float(P[POW_K] * el * (abs(el) / P[POW_ANGLE]) ** (P[POW_EXPONENT] - 1.0))
+
+
+@compiled
 def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
     el = delta
@@ -196,7 +202,7 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     if P[K_3] != 0.0 or P[K_2] != 0.0:
         torque += (P[K_2] + P[K_3] * el) * el * el
     if P[POW_K] != 0.0:
-        torque += P[POW_K] * el * (abs(el) / P[POW_ANGLE]) ** (P[POW_EXPONENT] - 1.0)
+        torque += powered(el, P)
     if P[K_SOFT] != 0.0:
         torque -= P[K_SOFT] * missing(el, P[SOFT_ANGLE], P[SOFT_SMOOTH])
     return torque, contact

@@ -17,6 +17,7 @@ from jointscope.diagnosis.kernel.laws import (
     friction,
     hysteresis,
     missing,
+    powered,
     rounded,
     seated,
     slipping,
@@ -75,7 +76,7 @@ def _scalar_rates_source(
             )
     T = k * factor * el + (k_2 + k_3 * el) * el * el
     if rich and power:
-        T += P[POW_K] * el * (abs(el) / P[POW_ANGLE]) ** (P[POW_EXPONENT] - 1.0)
+        T += powered(el, P)
     if rich and impact:
         damping += P[GAP_IMPACT] * abs(T)
     T += damping * rate

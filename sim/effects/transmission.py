@@ -86,8 +86,10 @@ class Spring:
 
     def native(self, delta: float, rate: float) -> float:
         """What the MJCF's elements give: its damper acts inside the play too [N m]."""
-        cornered = replace(self, soft_stiffness=0.0) if self.soft_smooth else self
-        cornered = replace(cornered, power_stiffness=0.0) if cornered.power_stiffness != 0.0 else cornered
+        cornered = self
+        if self.soft_smooth or self.power_stiffness != 0.0:
+            soft = 0.0 if self.soft_smooth else self.soft_stiffness
+            cornered = replace(self, soft_stiffness=soft, power_stiffness=0.0)
         return cornered.elastic(self.stretch(delta)[0]) + self.damping * rate
 
     def torque(self, delta: float, rate: float, factor: float = 1.0) -> float:
