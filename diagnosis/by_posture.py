@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.diagnosis.drifts import telling
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.effects.strangers import TURNS
-from jointscope.diagnosis.per_run import run_steps, telling
+from jointscope.diagnosis.per_run import run_steps
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage

@@ -32,7 +32,8 @@ def carried(trials: Sequence[Trial], then: Objective, now: Objective, parents: T
     """The trials as they score under the noise of ``now``, beside ``parents``; those of which nothing is left are left out.
 
     Args:
-        then: The runs and the noise with which they were taken; the same runs as those of ``now``.
+        then: The runs and the noise with which they were taken; the same runs as those of ``now``, or their beginnings:
+            what a trial does later is not known, and not counted.
     """
     slices = then.slices
 
@@ -57,14 +58,17 @@ def rewhitened(was: RunWhitener, new: RunWhitener, s: Matrix) -> Matrix:
         s = s + was.directions @ (back[:, None] * (was.directions.T @ s))
     edges = np.concatenate([[0], np.cumsum(was.sizes)])
     pairs = list(zip(was.filters, new.filters, strict=True))
-    records = [_record(old, s[a:b]) for (old, _), a, b in zip(pairs, edges[:-1], edges[1:], strict=True)]
+    records = [
+        _record(old, len(later.weight), s[a:b])
+        for (old, later), a, b in zip(pairs, edges[:-1], edges[1:], strict=True)
+    ]
     still = tuple(_as_far(old, later) for old, later in pairs)
     return replace(new, filters=still)(records)
 
 
-def _record(was: OutputFilter, s: Matrix) -> Matrix:
-    """What was whitened, at the samples that were scored; nought elsewhere, shape (n, k)."""
-    record = np.zeros((len(was.weight), s.shape[1]))
+def _record(was: OutputFilter, length: int, s: Matrix) -> Matrix:
+    """What was whitened, at the samples that were scored; nought elsewhere, shape (length, k)."""
+    record = np.zeros((length, s.shape[1]))
     record[was.keep] = s * (was.sigma / was.weight[was.keep])[:, None]
     return record
 

@@ -1,4 +1,4 @@
-"""The first part of a hit's run: what follows the contact, before small differences have grown."""
+"""A run up to some time: what follows a hit's contact, before small differences have grown, or enough of a long run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ def opening(run: PreparedRun, seconds: float) -> PreparedRun:
     """The run up to ``seconds`` after its external force first was a share of its peak."""
     force = np.abs(run.load_half)
     begins = run.t0 + int(np.argmax(force > STRUCK * force.max())) / (2.0 * run.grid_rate)
-    ends = begins + seconds
+    return up_to(run, begins + seconds)
+
+
+def up_to(run: PreparedRun, ends: float) -> PreparedRun:
+    """The run as if it had been recorded up to ``ends`` on its clock [s]."""
     steps = min(run.steps, math.ceil((ends - run.t0) * run.grid_rate) + SETTLING)
     half = 2 * steps + 1
     outputs = tuple(

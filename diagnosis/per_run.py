@@ -2,10 +2,9 @@
 
 A payload or a stiffness that drifts from take to take is known by which takes it concerns. Neither order nor ids may
 tell that, so every run's own inertia and stiffness are scored: a payload needs two clearly parted groups of inertia, of
-one experiment's runs or of all, a drift a spread of stiffness beyond the estimates' own errors, in steps that are about
-even: outliers can be sorted too. Who carries a payload is
-then asked of its fit, run by run. The freedom of choosing is paid for in the evidence (``labelling_cost``): n ln 2 nats
-for a choice of members, ln n! for an order.
+one experiment's runs or of all, a drift a spread of stiffness beyond the estimates' own errors (``drifts``). Who carries
+a payload is then asked of its fit, run by run. The freedom of choosing is paid for in the evidence (``labelling_cost``):
+n ln 2 nats for a choice of members, ln n! for an order.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, of_further_runs
 from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.drifts import FEWEST, drifting, follows_posture, settling, telling
 from jointscope.diagnosis.effects import DRIFT_PER_RUN, PAYLOADS, ActiveEffect, payloads, with_run_weights
 from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.refit import Fit, least_squares
@@ -33,13 +33,7 @@ Vector = NDArray[np.float64]
 
 PARTED = 4.0  # distance of two groups over the scatter within, or over the median standard error
 SOFTENED = 0.2  # of all scatter, below which no run's own standard error is believed
-SPREAD = 4.0  # standard deviation of the stiffnesses over their median standard error
-TELLING = 6.0  # times the first quartile of the standard errors: runs that tell less are left where they are ...
-CLEAR = 10.0  # ... unless they are this many of their own off: what a payload does also reads as its run's noise
-FEWEST = 4  # runs
 ALIKE = 2.0  # ratio of two experiments' steps within which they show one payload
-EVEN = 0.94  # correlation of sorted stiffnesses with their ranks: 0.97 and more for five drifts, 0.87 for hits with outliers
-SAME_POSTURE = 0.2  # of the spread of runs' own numbers, left within postures, below which it is theirs
 OWN_STARTS = (1.0, 0.6, 0.67, 0.75, 0.85, 0.9, 0.94, 0.97, 1.03, 1.06, 1.1, 1.15, 1.25, 1.35, 1.5, 1.7)
 OWN_VALLEYS = 3  # at most, whose bottoms are compared: the start that lies lowest may lie in another one
 OWN_STEPS = 8  # at most, towards a run's own number
@@ -115,19 +109,6 @@ def _down(left: Callable[[float], Vector], w: Vector, own: float, small: float) 
     return float(w @ w), own, error
 
 
-def telling(values: Vector, errors: Vector) -> NDArray[np.bool_]:
-    """Runs that say about as much as the others, or say it clearly, shape of ``errors``."""
-    sharp = _sharp(errors)
-    if not sharp.any():
-        return sharp
-    return sharp | (np.isfinite(errors) & (np.abs(values - np.median(values[sharp])) > CLEAR * errors))
-
-
-def _sharp(errors: Vector) -> NDArray[np.bool_]:
-    known = np.isfinite(errors)
-    return known & (errors <= TELLING * np.quantile(errors[known], 0.25)) if known.any() else known
-
-
 def two_groups(values: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     """Members of the upper group where the runs part in two beyond doubt, shape of ``values``; else ``None``.
 
@@ -153,33 +134,6 @@ def two_groups(values: Vector, errors: Vector) -> NDArray[np.bool_] | None:
     if best[1] < PARTED * max(within, float(np.median(e))):
         return None
     return np.asarray(known & (values > best[2]))
-
-
-def drifting(stiffness: Vector, errors: Vector) -> Vector | None:
-    """How far the stiffness had come in each run, in steps from the middle one, shape (n_runs,); else ``None``.
-
-    Where it spreads beyond the estimates' own errors, in about even steps. In which direction time runs is not told.
-    """
-    known = _sharp(errors)
-    if known.sum() < FEWEST or np.std(stiffness[known]) <= SPREAD * np.median(errors[known]):
-        return None
-    order = np.argsort(np.argsort(stiffness[known]))
-    if np.corrcoef(order, stiffness[known])[0, 1] < EVEN:
-        return None
-    ranks = np.zeros(len(stiffness))
-    ranks[known] = order - 0.5 * (known.sum() - 1)
-    return ranks
-
-
-def follows_posture(values: Vector, errors: Vector, angles: Vector) -> bool:
-    """Whether runs of one arm angle agree and those of others differ: then it is the posture's doing and no drift."""
-    known = _sharp(errors)
-    v, postures = values[known], np.round(angles[known], 3)
-    groups = [v[postures == angle] for angle in np.unique(postures)]
-    if len(groups) < 2 or len(groups) == len(v):
-        return False
-    within = sum(float(np.sum(np.square(g - np.mean(g)))) for g in groups)
-    return within < SAME_POSTURE * float(np.sum(np.square(v - np.mean(v))))
 
 
 def labelling_cost(spec: EffectSpec) -> float:
@@ -352,9 +306,10 @@ def per_run_specs(stage: Stage, problem: Problem) -> tuple[EffectSpec, ...]:
         found.extend(_payloads(stage, problem, everything))
     if drifts:
         stiffness, errors = run_steps(stage, "stiffness", everything)
-        ranks = drifting(stiffness, errors)
         angles = np.array([run.initial_angle for run in problem.runs])
-        if ranks is not None and not follows_posture(stiffness, errors, angles):
-            drift = with_run_weights(DRIFT_PER_RUN, tuple(float(r) for r in ranks), problem)
-            found.append(_about(drift, float(ranks @ stiffness) / float(ranks @ ranks)))
+        ways = [drifting(stiffness, errors), settling(stiffness, errors)]
+        for weights in ways if not follows_posture(stiffness, errors, angles) else []:
+            if weights is not None:
+                drift = with_run_weights(DRIFT_PER_RUN, tuple(float(r) for r in weights), problem)
+                found.append(_about(drift, float(weights @ stiffness) / float(weights @ weights)))
     return tuple(found)

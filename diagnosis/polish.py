@@ -25,6 +25,9 @@ Vector = NDArray[np.float64]
 
 LIGHTLY = 0.1  # of the stated damping, another start
 POLISHING = 40  # simulations of all runs that a refit may take
+BEYOND_DOUBT = 300.0  # nats by which a hypothesis leads the base, so that nothing far behind it can matter ...
+FAR_BEHIND = 0.2  # ... which is what gains less than this of what it does
+LED_BY = 3  # leading hypotheses whose parts are kept however little they gain
 
 
 def viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
@@ -32,6 +35,23 @@ def viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
     w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
     fit = replace(hypothesis.fit, w=w, fresh=False)
     return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + occam(hypothesis, len(w)))
+
+
+def worth_judging(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The base, which comes first, and of the rest what is not far behind a leader that is beyond doubt.
+
+    Parts of the leading sets are kept: each set is asked what it adds to them.
+    """
+    base, *others = hypotheses
+    leading = sorted(others, key=lambda h: h.loss)[:LED_BY]
+    most = base.loss - leading[0].loss if leading else 0.0
+    if most < BEYOND_DOUBT:
+        return [base, *others]
+    parts = [set(h.names) for h in leading]
+    kept = (
+        h for h in others if base.loss - h.loss > FAR_BEHIND * most or any(set(h.names) <= part for part in parts)
+    )
+    return [base, *kept]
 
 
 def polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:

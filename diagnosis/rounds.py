@@ -18,6 +18,7 @@ from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten, worst_misfit
 from jointscope.diagnosis.bent_play import bent_play
+from jointscope.diagnosis.briefly import briefly
 from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.eased import eased
@@ -87,17 +88,29 @@ def opened(stage: Stage, candidates: Sequence[ActiveEffect], effort: Effort) -> 
     problem, fitted = stage.objective.problem, stage.objective.runs
     runs = representative(problem, fitted, effort.hits, effort.others, weightings(candidates))
     positions = [i for i, run in enumerate(stage.objective.runs) if run in runs]
-    objective = stage.objective.restricted(positions)
-    rows = stage.objective.rows(positions)
+    objective, noise, jacobian = _in_brief(stage, positions)
     fit = least_squares(
         objective,
         stage.fit.coordinates,
         stage.fit.x,
-        jacobian=stage.fit.jacobian[rows],
+        jacobian=jacobian,
         iterations=6,
         tolerance=1e-3,
     )
-    return Arena(objective, stage.noise, Hypothesis((), fit, profile_loss(objective, fit.w)), ())
+    return Arena(objective, noise, Hypothesis((), fit, profile_loss(objective, fit.w)), ())
+
+
+def _in_brief(stage: Stage, positions: Sequence[int]) -> tuple[Objective, NoiseModel, NDArray[np.float64] | None]:
+    """The runs at ``positions`` as the search takes them, their noise, and the base's slopes where they are known."""
+    objective = stage.objective.restricted(positions)
+    runs = list(objective.problem.runs)
+    for i in objective.runs:
+        runs[i] = briefly(runs[i], objective.problem.scales.frequency)
+    if all(new is old for new, old in zip(runs, objective.problem.runs, strict=True)):
+        return objective, stage.noise, stage.fit.jacobian[stage.objective.rows(positions)]
+    cut = replace(objective, problem=replace(objective.problem, runs=tuple(runs)))
+    cut, noise, _ = rewhiten(cut, stage.fit, stage.noise, EARLY_ORDER)
+    return cut, noise, None
 
 
 def _refitted(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:

@@ -9,8 +9,9 @@ import pytest
 
 from jointscope.diagnosis.afresh import sorted_afresh
 from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.drifts import drifting, follows_posture, settling
 from jointscope.diagnosis.effects import PAYLOADS, ActiveEffect, with_run_weights
-from jointscope.diagnosis.per_run import _own, drifting, follows_posture, loaded, per_run_specs, run_steps
+from jointscope.diagnosis.per_run import _own, loaded, per_run_specs, run_steps
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.split import split_runs
@@ -50,6 +51,29 @@ def test_outliers_are_no_drift():
     assert drifting(steps, ERRORS) is None
     assert drifting(1e-4 * rng.standard_normal(16), ERRORS) is None
     assert drifting(np.array([0.0, 1.0, 2.0]), ERRORS[:3]) is None
+
+
+@pytest.mark.parametrize(("lasts", "upwards"), [(2.0, True), (5.0, False), (12.0, True)])
+def test_a_joint_that_settles_is_found_whichever_end_is_steep(lasts, upwards):
+    """Steps that shrink; from one run to the next they are 1 on average, and none where a run tells nothing."""
+    rng = np.random.default_rng(9)
+    k = np.arange(14)
+    steps = (0.04 if upwards else -0.04) * np.exp(-k / lasts) + 1e-4 * rng.standard_normal(14)
+    order = rng.permutation(14)
+    weights = settling(steps[order], ERRORS[:14])
+    slope = np.polyfit(weights, steps[order], 1)
+    assert np.std(steps[order] - np.polyval(slope, weights)) < 0.1 * np.std(steps)
+    assert np.ptp(weights) == pytest.approx(13.0) and np.mean(weights) == pytest.approx(0.0, abs=1e-12)
+    mute = ERRORS[:14].copy()
+    mute[3] = np.inf
+    assert settling(steps, mute)[3] == 0.0
+
+
+@pytest.mark.parametrize("wild", [(9,), (2, 9), (2, 9, 12)])
+def test_wild_hits_among_steady_ones_do_not_settle(wild):
+    steps = 1e-4 * np.random.default_rng(5).standard_normal(16)
+    steps[list(wild)] += 3e-3 * np.array([1.0, 0.9, 1.1])[: len(wild)]
+    assert settling(steps, ERRORS) is None
 
 
 def test_a_run_far_from_the_common_stiffness_is_followed_there(builders, plant):

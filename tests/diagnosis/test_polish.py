@@ -1,9 +1,11 @@
 """Refits under the common noise: no part of a set may be a worse fit than the base, which is a part of every set."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.polish import no_part_below_the_base
+from jointscope.diagnosis.polish import no_part_below_the_base, worth_judging
 from jointscope.diagnosis.search import Hypothesis
 
 NOISE = 2e-3  # of each channel's rms
@@ -53,3 +55,21 @@ def test_parts_that_explain_something_and_sets_without_a_larger_one_stay(sets):
     lost[0] *= 0.5
     objective, (base, part, _) = made(lost)
     assert no_part_below_the_base(objective, [base, part]) == [base, part]  # nothing stands over it
+
+
+def standing_at(names, loss):
+    return SimpleNamespace(names=names, loss=loss)
+
+
+def test_what_is_far_behind_a_leader_beyond_doubt_is_not_judged_but_for_its_parts():
+    base, leader = standing_at((), 1000.0), standing_at(("a@load", "b@motor"), 0.0)
+    near, far = standing_at(("c@load",), 700.0), standing_at(("d@load",), 900.0)
+    part = standing_at(("a@load",), 999.0)
+    others = [standing_at(("e@load",), 300.0), standing_at(("f@load",), 400.0)]
+    assert worth_judging([base, leader, near, far, part, *others]) == [base, leader, near, part, *others]
+
+
+def test_where_nothing_leads_beyond_doubt_everything_is_judged():
+    base, leader, far = standing_at((), 299.0), standing_at(("a@load",), 0.0), standing_at(("d@load",), 298.0)
+    assert worth_judging([base, leader, far]) == [base, leader, far]
+    assert worth_judging([base]) == [base]
