@@ -64,8 +64,13 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "mount": ("mount-limited",),
     "input-side-rounded": ("input-side-quadrants",),
     "output-side-rounded": ("output-side-quadrants",),
-    "motor-order": ("motor-order-harmonic", "output-order-harmonic", "motor-order-reacting"),
-    "output-order": ("output-order-harmonic", "output-order-reacting"),
+    "motor-order": (
+        "motor-order-harmonic",
+        "output-order-harmonic",
+        "motor-order-reacting",
+        "motor-order-reacting-harmonic",
+    ),
+    "output-order": ("output-order-harmonic", "output-order-reacting", "output-order-reacting-harmonic"),
     "cogging": ("cogging-harmonic",),
 }
 

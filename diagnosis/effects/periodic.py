@@ -236,7 +236,7 @@ def _with_harmonics(spec: EffectSpec) -> EffectSpec:
     further = tuple(
         replace(amplitude, name=name, lower=-amplitude.upper, null=None, fineness=0.1) for name in HARMONICS
     )
-    first = 1.0 if spec.variant != "output-order" else 2.0
+    first = 2.0 if spec.variant.startswith("output-order") else 1.0
     return replace(
         spec,
         variant=f"{spec.variant}-harmonic",
@@ -261,10 +261,11 @@ def _without_work(spec: EffectSpec) -> EffectSpec:
     )  # fmt: skip
 
 
+_REACTING = tuple(_without_work(spec) for spec in _PLAIN if spec.name == "transmission-error")
 SPECS: tuple[EffectSpec, ...] = (
     *_PLAIN,
-    *(_without_work(spec) for spec in _PLAIN if spec.name == "transmission-error"),
-    *(_with_harmonics(spec) for spec in _PLAIN if spec.variant != "load-proportional"),
+    *_REACTING,
+    *(_with_harmonics(spec) for spec in (*_PLAIN, *_REACTING) if spec.variant != "load-proportional"),
 )
 
 

@@ -128,7 +128,7 @@ def kinematic_error(building: Building, location: str, variant: str, p: Paramete
             per_motor=0.0 if per_output else order * building.ratio,
             per_load=order if per_output else 0.0,
             phase=phase,
-            **({"reacts": True} if variant.endswith("-reacting") else {}),
+            **({"reacts": True} if "-reacting" in variant else {}),
         )
     return ""
 

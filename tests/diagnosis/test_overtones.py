@@ -38,7 +38,8 @@ def asked(monkeypatch, problem, active, left, stands=True):
 def test_twice_and_three_times_a_line_s_order_are_its_overtones(monkeypatch, problem, left, found):
     active = ActiveEffect(law(problem, "motor-order"), (4e-4, 2.001, 0.4))
     laws = asked(monkeypatch, problem, active, left)
-    assert laws == (["motor-order-harmonic", "output-order-harmonic"] if found else [])
+    orders = [f"{turn}-order{kind}-harmonic" for turn in ("motor", "output") for kind in ("", "-reacting")]
+    assert laws == (orders if found else [])
 
 
 def test_nothing_is_asked_of_what_chance_leaves_or_of_a_line_that_has_them(monkeypatch, problem):
