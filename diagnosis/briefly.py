@@ -31,7 +31,7 @@ HOLDS = 0.01  # of all power, below which a band is not asked
 ALIKE = 1.5  # times the density of the whole, or less by that
 SPANNED = 0.95  # of what the angle travels, and of the span of each input
 PER_PERIOD = 25.0  # steps of a period of the arm on its held motor, at least
-FINE_HITS = 3000.0  # Hz; the same of hits, which ring in structures too
+FINE_DRIVEN, FINE_HITS = 1000.0, 3000.0  # Hz, at least, of driven runs and of hits, which ring in structures too
 
 
 def briefly(run: PreparedRun, frequency: float) -> PreparedRun:
@@ -42,7 +42,7 @@ def briefly(run: PreparedRun, frequency: float) -> PreparedRun:
     """
     if run.run.experiment == "hammer":
         return _coarser(run, max(FINE_HITS, PER_PERIOD * frequency))
-    return _coarser(_beginning(run), PER_PERIOD * frequency)
+    return _coarser(_beginning(run), max(FINE_DRIVEN, PER_PERIOD * frequency))
 
 
 def _coarser(run: PreparedRun, least: float) -> PreparedRun:
