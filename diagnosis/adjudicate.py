@@ -26,15 +26,7 @@ from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
-from jointscope.diagnosis.polish import (
-    from_elsewhere,
-    no_part_below_the_base,
-    occam,
-    parts_of,
-    polished,
-    viewed,
-    worth_judging,
-)
+from jointscope.diagnosis.polish import anew, from_elsewhere, no_part_below_the_base, occam, parts_of, polished
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.resonant import only_at_resonance
 from jointscope.diagnosis.search import Hypothesis
@@ -144,7 +136,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     best = min(everything[1:], key=lambda h: h.loss, default=everything[0])
     for _ in range(2):
         objective, noise, _ = rewhiten(objective, best.fit, noise, MAX_ORDER)
-        everything = worth_judging([viewed(objective, h) for h in everything])
+        everything = anew(objective, everything)
         leading = sorted(everything[1:], key=lambda h: h.loss)[:POLISHED]
         parts: dict[tuple[str, ...], Hypothesis] = {}
         for h in sorted(everything, key=lambda h: h.loss):

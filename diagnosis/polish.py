@@ -37,6 +37,11 @@ def viewed(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + occam(hypothesis, len(w)))
 
 
+def anew(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Those that are worth judging under the noise of ``objective``, as they stand under it; the base comes first."""
+    return worth_judging([viewed(objective, h) for h in hypotheses])
+
+
 def worth_judging(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """The base, which comes first, and of the rest what is not far behind a leader that is beyond doubt.
 

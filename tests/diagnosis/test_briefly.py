@@ -8,7 +8,7 @@ import pytest
 from jointscope.diagnosis.briefly import ENOUGH, LONG, PER_PERIOD, briefly
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.recordings.campaign import Nameplate, Run, Stream
+from jointscope.recordings.campaign import Run, Stream
 
 RATE, PERIOD = 1000.0, 2.0
 FAST = 1e4  # Hz; a joint for which no grid is fine enough to be coarsened
@@ -40,16 +40,7 @@ def prepared(builders, torque, seconds):
         builders.channel("a", "angular-acceleration", "rad/s^2", "arm", "output", noise),
     )
     stream = Stream(file="s.csv", sampling_rate=RATE, length=t.size, channels=channels)
-    rig = Nameplate(
-        topology="two-inertia",
-        motion="rotational",
-        plane="horizontal",
-        reduction_ratio=100.0,
-        motor_inertia=4e-4,
-        stiffness_reference=2e5,
-        inertia_reference=3.0,
-    )
-    return prepare(builders.campaign_of([Run(id="s", experiment="torque-sweep", streams=(stream,))], rig))
+    return prepare(builders.campaign_of([Run(id="s", experiment="torque-sweep", streams=(stream,))]))
 
 
 def test_a_periodic_run_is_searched_by_its_first_periods(builders):
