@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.channels import ACCELERATIONS
@@ -32,13 +33,25 @@ def _hann(size: int) -> Vector:
     return np.hanning(size)
 
 
+@functools.lru_cache(maxsize=64)
+def _turning(step: float, size: int) -> NDArray[np.complex128]:
+    return np.asarray(np.exp(1j * step * np.arange(size)))
+
+
+def _carrier(output: Output, omega: float) -> NDArray[np.complex128]:
+    """exp(j omega t) at the samples of ``output``, shape (n,); most trials of a record share their frequency."""
+    if not output.times.size:
+        return np.empty(0, dtype=np.complex128)
+    first: complex = np.exp(1j * omega * output.times[0])
+    return np.asarray(first * _turning(omega / output.rate, output.times.size))
+
+
 def disturbance(assembly: Assembly, run: PreparedRun, predicted: list[Vector]) -> list[Vector]:
     """``predicted`` with the disturbance's response added at the run's best phase."""
     frequency, amplitude = assembly.chain.vibration
     omega = 2.0 * math.pi * frequency
     shapes = [
-        amplitude * response(assembly, run, output, omega) * np.exp(1j * omega * output.times)
-        for output in run.outputs
+        amplitude * response(assembly, run, output, omega) * _carrier(output, omega) for output in run.outputs
     ]
     total = 0.0 + 0.0j
     for output, y, shape in zip(run.outputs, predicted, shapes, strict=True):
@@ -63,10 +76,11 @@ def beside(tapered: Vector, place: float) -> float:
         tapered: The residual, Hann tapered, shape (n,).
         place: Frequency of the line over the sampling rate.
     """
-    power = np.abs(np.fft.rfft(tapered)) ** 2
-    at = round(place * tapered.size)
-    near = np.concatenate([power[max(at - BESIDE, 1) : max(at - 3, 1)], power[at + 4 : at + 1 + BESIDE]])
-    level = float(np.median(near)) / tapered.size if near.size else float(np.mean(np.square(tapered)))
+    size = next_fast_len(tapered.size, real=True)
+    spectrum = rfft(tapered, size)
+    at = round(place * size)
+    near = np.concatenate([spectrum[max(at - BESIDE, 1) : max(at - 3, 1)], spectrum[at + 4 : at + 1 + BESIDE]])
+    level = float(np.median(np.abs(near) ** 2)) / tapered.size if near.size else float(np.mean(np.square(tapered)))
     return max(level, 1e-300)
 
 

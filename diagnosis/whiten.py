@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ from jointscope.diagnosis.noise import (
 )
 from jointscope.diagnosis.poles import Pole
 from jointscope.diagnosis.prediction_error import prediction_errors
+from jointscope.diagnosis.scattered import less_scatter
 from jointscope.diagnosis.zeros import zero_scatter, zeros
 
 if TYPE_CHECKING:
@@ -135,9 +137,15 @@ class RunWhitener:
     def __call__(self, arrays: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """w for residuals or columns, shape (n_kept, k)."""
         w = self.filter(arrays)
-        if self.shrink.size:
-            w = w - self.directions @ (self.shrink[:, None] * (self.directions.T @ w))
-        return w
+        if self.shrink.size == 0:
+            return w
+        if w.shape[1] == 1:
+            return np.asarray(less_scatter(w[:, 0], self._rows, self.shrink))[:, None]
+        return w - self.directions @ (self.shrink[:, None] * (self.directions.T @ w))
+
+    @cached_property
+    def _rows(self) -> NDArray[np.float32]:
+        return np.ascontiguousarray(self.directions.T, dtype=np.float32)
 
     def settled(self, residuals: Sequence[Vector]) -> Sequence[Vector]:
         """Residuals of the outputs less what most likely scattered from hit to hit, shapes (n,).

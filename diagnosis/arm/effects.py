@@ -5,6 +5,7 @@ Laws, all at the joint output:
     motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
                   the same with Dahl's bristle in place of the stick, and unlike in the two directions
     transmission  T_S = K dz(Delta, gap) ; K Delta + k_3 Delta^3 ; K Delta - a K w tanh(Delta/w)
+                  K Delta + T z(Delta): Dahl's loop, or springs that slip one after the other
     neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
     base          the whole arm on its mount, a joint more at the root: K = M_00 (2 pi f)^2
     motor         n T_e times gain; n T_e behind a first-order lag
@@ -168,6 +169,34 @@ def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
             tuple((share * wind_up,) for share in (0.15, 0.6)), ("hammer", "torque-sweep"), ("backlash",),
         )
     )  # fmt: skip
+    return [*found, *_loops(problem, j)]
+
+
+def _loops(problem: ArmProblem, j: int) -> list[EffectSpec]:
+    joint = problem.facts.joints[j]
+    wind_up, K = max(float(problem.wind_up[j]), 1e-9), float(problem.facts.stiffness[j])
+    top = K * wind_up
+    starts = tuple((0.03 * top / (share * wind_up),) for share in (0.02, 0.1, 0.4, 1.2))
+    found = []
+    for variant, slips, law in (
+        ("dahl", 0.0, "K Delta + T z, z' = (1 - z sgn Delta') Delta' stiffness/T"),
+        ("maxwell-slip", 1.0, "K Delta + T z, z of four equal springs that slip one after the other"),
+    ):
+
+        def put(assembly: ArmAssembly, values: Values, slips: float = slips) -> None:
+            torque, stiffness = values
+            assembly.P[j, kernel.LOOP_TORQUE] = torque
+            assembly.P[j, kernel.LOOP_ANGLE] = max(torque / stiffness, 1e-15)
+            assembly.P[j, kernel.LOOP_SLIPS] = slips
+
+        spec = arm_law(
+            "hysteresis", "transmission", joint, variant, "hysteretic", (
+                ParameterSpec("torque", "N m", 0.0, 2.0 * top, null=0.0),
+                ParameterSpec("stiffness", "N m/rad", 1e-4 * K, 3.0 * K, log=True),
+            ), put, law, (0.005 * top, 0.03 * top, 0.12 * top), starts, ("hammer", "torque-sweep"),
+            ("coulomb-friction", "stiffness-nonlinearity", "backlash"),
+        )  # fmt: skip
+        found.append(replace(spec, proportional=(1,), decades=2))
     return found
 
 

@@ -12,7 +12,7 @@ transition of its linear part. Both obey
 The tie (an observer of about 1 Hz on the recorded motor angle) keeps a measured torque from drifting away and is soft
 against everything in the band. Dry friction is exact: at the start of a step a rotor at rest stays there while what acts
 on it is less than its breakaway torque; a sliding one keeps its direction through the step and stops where it would turn.
-Friction with presliding is Dahl's, in closed form along the step.
+Friction with presliding is Dahl's, in closed form along the step; so is a reducer's own loop, T z beside its spring.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from numba import njit
 (
     STIFFNESS, DAMPING, ROTOR_INERTIA, ROTOR_DAMPING, DRIVE_STIFFNESS, DRIVE_DAMPING, COULOMB, BREAKAWAY,
     STRIBECK_SPEED, GAP, GAP_DAMPING, CUBIC, SOFT_SHARE, SOFT_WIDTH, REST_TORQUE, REST_WIND_UP, LINK_DAMPING,
-    SIDED, PRESLIDING, SHEDS,
-) = range(20)  # fmt: skip
-COLUMNS = 20  # of a joint's row
+    SIDED, PRESLIDING, SHEDS, LOOP_TORQUE, LOOP_ANGLE, LOOP_SLIPS,
+) = range(23)  # fmt: skip
+COLUMNS = 23  # of a joint's row
+SLIPS = 4  # springs of a loop that slip one after the other
 
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
 
@@ -87,10 +88,31 @@ def bristle_torque(z: float, v: float, p: Any) -> float:  # noqa: ANN401
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+def loop(held: Any, wound: float, p: Any, keep: bool) -> float:  # noqa: ANN401
+    """z of a reducer's loop, -1 to 1, after it was wound up by ``wound`` [rad] in one direction; ``held`` is moved on request.
+
+    Dahl's, or equal springs that slip in even steps: z = mean of clip(wound/angle + slip, +-y_i), mean of y_i = 1.
+    """
+    if p[LOOP_SLIPS] == 0.0:
+        z = bristle(held[0], wound, p[LOOP_ANGLE])
+        if keep:
+            held[0] = z
+        return float(z)
+    total = 0.0
+    for i in range(SLIPS):
+        level = 2.0 * (i + 1.0) / (SLIPS + 1.0)
+        z = min(max(held[i] + wound / p[LOOP_ANGLE], -level), level)
+        total += z / SLIPS
+        if keep:
+            held[i] = z
+    return float(total)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _rates(
     x: Any, dx: Any, m: int, P: Any, kind: Any, slip: Any, inverse: Any, gravity: Any, slope: Any,  # noqa: ANN401
     product: Any, k: int, hit: Any, force: float, torque: float, tied: float, tie: float,  # noqa: ANN401
-    tie_rate: float, right: Any, bent: Any, before: Any,  # noqa: ANN401
+    tie_rate: float, right: Any, bent: Any, before: Any, loops: Any, wound: Any,  # noqa: ANN401
 ) -> None:  # fmt: skip
     """dx/dt; ``slip`` is the direction of each rotor's sliding, 0 where it sticks; x = y, y', s, s'."""
     pace = x[m + k] if k >= 0 else 0.0
@@ -98,6 +120,8 @@ def _rates(
         p = P[i]
         s, v = x[2 * m + i], x[3 * m + i]
         transmitted = reducer_torque(s - x[i], v - x[m + i], p)
+        if p[LOOP_TORQUE] != 0.0:
+            transmitted += p[LOOP_TORQUE] * loop(loops[i], s - x[i] - wound[i], p, False)
         total = transmitted + hit[i] * force - gravity[i] - p[LINK_DAMPING] * x[m + i]
         for j in range(m):
             if j != k:
@@ -131,7 +155,7 @@ def _rates(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _directions(
-    x: Any, m: int, P: Any, kind: Any, slip: Any, torque: float, tied: float, tie: float,  # noqa: ANN401
+    x: Any, m: int, P: Any, kind: Any, slip: Any, torque: float, tied: float, tie: float, loops: Any,  # noqa: ANN401
 ) -> None:  # fmt: skip
     """Which way each rotor slides in the step that begins, 0 where it sticks."""
     for i in range(m):
@@ -144,6 +168,8 @@ def _directions(
             slip[i] = 1 if v > 0.0 else -1
             continue
         net = -reducer_torque(s - x[i], v - x[m + i], p)
+        if p[LOOP_TORQUE] != 0.0:
+            net -= p[LOOP_TORQUE] * loop(loops[i], 0.0, p, False)
         if kind[i] == HELD:
             net += p[REST_TORQUE] + p[DRIVE_STIFFNESS] * (p[REST_WIND_UP] - s)
         elif kind[i] == DRIVEN:
@@ -172,6 +198,7 @@ def travel(
     slip = np.zeros(m, np.int64)
     right = np.empty(m)
     bent, before = np.zeros(m), x[2 * m : 3 * m].copy()
+    loops, wound = np.zeros((m, SLIPS)), x[2 * m : 3 * m] - x[:m]
     k1, k2, k3, k4, y = np.empty(4 * m), np.empty(4 * m), np.empty(4 * m), np.empty(4 * m), np.empty(4 * m)
     inverse, gravity, slope, product = (
         inverses[0].copy(),
@@ -194,9 +221,9 @@ def travel(
                     inverse[i, j] = (1.0 - share) * inverses[node, i, j] + share * inverses[node + 1, i, j]
                     slope[i, j] = (1.0 - share) * slopes[node, i, j] + share * slopes[node + 1, i, j]
                     product[i, j] = (1.0 - share) * products[node, i, j] + share * products[node + 1, i, j]
-        _directions(x, m, P, kind, slip, torque[h], tied[h], tie)
+        _directions(x, m, P, kind, slip, torque[h], tied[h], tie, loops)
         _rates(x, k1, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h], torque[h], tied[h],
-               tie, tie_rate, right, bent, before)  # fmt: skip
+               tie, tie_rate, right, bent, before, loops, wound)  # fmt: skip
         other = node + 1 if share > 0.0 else node
         rest = 1.0 - share
         for o in range(sensors):
@@ -216,18 +243,21 @@ def travel(
         for i in range(4 * m):
             y[i] = x[i] + 0.5 * dt * k1[i]
         _rates(y, k2, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h + 1], torque[h + 1],
-               tied[h + 1], tie, tie_rate, right, bent, before)  # fmt: skip
+               tied[h + 1], tie, tie_rate, right, bent, before, loops, wound)  # fmt: skip
         for i in range(4 * m):
             y[i] = x[i] + 0.5 * dt * k2[i]
         _rates(y, k3, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h + 1], torque[h + 1],
-               tied[h + 1], tie, tie_rate, right, bent, before)  # fmt: skip
+               tied[h + 1], tie, tie_rate, right, bent, before, loops, wound)  # fmt: skip
         for i in range(4 * m):
             y[i] = x[i] + dt * k3[i]
         _rates(y, k4, m, P, kind, slip, inverse, gravity, slope, product, k, hit, force[h + 2], torque[h + 2],
-               tied[h + 2], tie, tie_rate, right, bent, before)  # fmt: skip
+               tied[h + 2], tie, tie_rate, right, bent, before, loops, wound)  # fmt: skip
         for i in range(4 * m):
             x[i] += dt / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
         for i in range(m):
+            if P[i, LOOP_TORQUE] != 0.0:
+                loop(loops[i], x[2 * m + i] - x[i] - wound[i], P[i], True)
+                wound[i] = x[2 * m + i] - x[i]
             if P[i, PRESLIDING] > 0.0:
                 bent[i] = bristle(bent[i], x[2 * m + i] - before[i], P[i, PRESLIDING])
                 before[i] = x[2 * m + i]
@@ -271,6 +301,7 @@ def shake(
     x, free, y = np.zeros(n), np.zeros(n), np.zeros(n)
     f, g = np.zeros(nf), np.zeros(nf)
     bent, rubs, rubbed = np.zeros(ns), np.zeros(ns), np.zeros(ns)
+    loops, wound = np.zeros((nf, SLIPS)), np.zeros(nf)
     rounds = 3 if ns > 0 else (2 if nf > 0 else 1)
     for step in range(steps + 1):
         for o in range(outputs):
@@ -314,6 +345,8 @@ def shake(
                     rate += rates[a, i] * y[i]
                 p = P[joints[a]]
                 whole = reducer_torque(p[REST_WIND_UP] + wind_up, rate, p)
+                if p[LOOP_TORQUE] != 0.0:
+                    whole += p[LOOP_TORQUE] * loop(loops[a], wind_up - wound[a], p, False)
                 g[a] = whole - p[REST_TORQUE] - p[STIFFNESS] * wind_up - p[DAMPING] * rate
             for b in range(ns):
                 p, at = P[soft_joints[b]], soft_speeds[b]
@@ -323,10 +356,16 @@ def shake(
             p, at = P[soft_joints[b]], soft_speeds[b]
             bent[b] = bristle(bent[b], y[at - n // 2] - x[at - n // 2], p[PRESLIDING])
             rubs[b] = rubbed[b]
-        for i in range(n):
-            x[i] = y[i]
         for a in range(nf):
             f[a] = g[a]
+            if P[joints[a], LOOP_TORQUE] != 0.0:
+                wind_up = 0.0
+                for i in range(n):
+                    wind_up += springs[a, i] * y[i]
+                loop(loops[a], wind_up - wound[a], P[joints[a]], True)
+                wound[a] = wind_up
+        for i in range(n):
+            x[i] = y[i]
         if not abs(x[0]) < 1e6:
             return False
     return True

@@ -124,7 +124,10 @@ def run_small(
     """
     system = small_motion(table, P, kinds, driven, tie, tie_rate)
     bent = np.flatnonzero(
-        (P[:, kernel.GAP] > 0.0) | (P[:, kernel.CUBIC] != 0.0) | (P[:, kernel.SOFT_SHARE] != 0.0)
+        (P[:, kernel.GAP] > 0.0)
+        | (P[:, kernel.CUBIC] != 0.0)
+        | (P[:, kernel.SOFT_SHARE] != 0.0)
+        | (P[:, kernel.LOOP_TORQUE] != 0.0)
     )
     rubbing = [
         r for r, i in enumerate(system.turning) if P[i, kernel.COULOMB] > 0.0 or P[i, kernel.BREAKAWAY] > 0.0
