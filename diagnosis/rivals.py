@@ -20,7 +20,7 @@ from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.friction import falling_about
 from jointscope.diagnosis.effects.periodic import PHASES, counted_alike, slower_lines, turn_of
 from jointscope.diagnosis.refit import Fit, unspent
-from jointscope.diagnosis.screen import best_per_spec, refined, screen, tangent
+from jointscope.diagnosis.screen import Trial, best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
     CONTAINED,
     Effort,
@@ -119,7 +119,10 @@ def strangers(
     effort: Effort,
     more: Sequence[ActiveEffect] = (),
 ) -> list[Hypothesis]:
-    """Fit each law outside the contract's table in place of the whole leading set, also from each trial of ``more``."""
+    """Fit each law outside the contract's table in place of the whole leading set, also from each trial of ``more``.
+
+    One of which no trial explains anything beside the base, to first order, is left out.
+    """
     found: list[Hypothesis] = []
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
     for spec in specs:
@@ -130,8 +133,9 @@ def strangers(
                 [a for e in effects for a in same_numbers(trials, e) if turn_of(a) and turn_of(a) == turn_of(e)]
             )
         for group in groups:
-            if group:
-                fit = fit_child(objective, base, [_telling(objective, base, group)], effort, [theta])
+            best = _screened(objective, base, group) if group else []
+            if best and best[0].gain > effort.worth:
+                fit = fit_child(objective, base, [at_own_size(best[0])], effort, [theta])
                 if fit is not None:
                     found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))
     return found
@@ -378,11 +382,15 @@ def _telling(objective: Objective, parent: Fit, trials: Sequence[ActiveEffect]) 
 
     A law that stiffens the joint is far from the data before the stiffness has followed.
     """
-    parents = tangent(parent.w, unspent(parent))
-    best = best_per_spec(screen(objective, parent, parents, parents.w, trials))
-    taken = refined(objective, parent, parents, parents.w, best)
+    taken = _screened(objective, parent, trials)
     theta, effects = parent.coordinates.unpack(parent.x)
     return at_own_size(taken[0]) if taken else _nearest(objective, theta, effects, trials)
+
+
+def _screened(objective: Objective, parent: Fit, trials: Sequence[ActiveEffect]) -> list[Trial]:
+    parents = tangent(parent.w, unspent(parent))
+    best = best_per_spec(screen(objective, parent, parents, parents.w, trials))
+    return refined(objective, parent, parents, parents.w, best)
 
 
 def _nearest(

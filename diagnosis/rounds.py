@@ -88,7 +88,7 @@ def opened(stage: Stage, candidates: Sequence[ActiveEffect], effort: Effort) -> 
     problem, fitted = stage.objective.problem, stage.objective.runs
     runs = representative(problem, fitted, effort.hits, effort.others, weightings(candidates))
     positions = [i for i, run in enumerate(stage.objective.runs) if run in runs]
-    objective, noise, jacobian = _in_brief(stage, positions)
+    objective, noise, jacobian = _in_brief(stage, positions, effort)
     fit = least_squares(
         objective,
         stage.fit.coordinates,
@@ -100,11 +100,13 @@ def opened(stage: Stage, candidates: Sequence[ActiveEffect], effort: Effort) -> 
     return Arena(objective, noise, Hypothesis((), fit, profile_loss(objective, fit.w)), ())
 
 
-def _in_brief(stage: Stage, positions: Sequence[int]) -> tuple[Objective, NoiseModel, NDArray[np.float64] | None]:
+def _in_brief(
+    stage: Stage, positions: Sequence[int], effort: Effort
+) -> tuple[Objective, NoiseModel, NDArray[np.float64] | None]:
     """The runs at ``positions`` as the search takes them, their noise, and the base's slopes where they are known."""
     objective = stage.objective.restricted(positions)
     runs = list(objective.problem.runs)
-    for i in objective.runs:
+    for i in objective.runs if effort.brief else ():
         runs[i] = briefly(runs[i], objective.problem.scales.frequency)
     if all(new is old for new, old in zip(runs, objective.problem.runs, strict=True)):
         return objective, stage.noise, stage.fit.jacobian[stage.objective.rows(positions)]

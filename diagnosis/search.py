@@ -60,6 +60,7 @@ class Effort:
         fit_simulations: Evaluations per fit at most.
         polished: Leading hypotheses refitted under a new noise model.
         worth: Decrease of w'w below which a candidate is not fitted.
+        brief: Whether long and finely stepped runs are searched in less of them (:mod:`jointscope.diagnosis.briefly`).
     """
 
     screen_hits: int = 3
@@ -75,6 +76,7 @@ class Effort:
     fit_simulations: int = 36
     polished: int = 3
     worth: float = 10.0
+    brief: bool = True
 
 
 @dataclass(frozen=True, eq=False)

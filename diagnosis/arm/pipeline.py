@@ -38,6 +38,7 @@ EFFORT = Effort(
     size=2,
     fit_simulations=40,
     polished=3,
+    brief=False,  # small motion's nonlinear torques are stepped to second order, and a path has tables of its own
 )
 
 DRIVEN_RIGHT = (

@@ -15,6 +15,7 @@ from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.problem import ArmProblem, ArmRun
 from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
+from jointscope.diagnosis.channels import mount_resonance
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.plant import Links, Mount, Reduced
@@ -49,6 +50,8 @@ class ArmAssembly:
         late: By which devices other than the DAQ stamp late [s].
         readings: Factor on what the accelerometers read.
         one_of: The same of some of them, by where they sit.
+        ringing: Resonance [Hz] and damping [-] of the accelerometers' own mounts, by where they sit, "" of all.
+        level: At which the accelerometers clip [m/s^2].
     """
 
     run: ArmRun
@@ -63,6 +66,8 @@ class ArmAssembly:
     late: float = 0.0
     readings: float = 1.0
     one_of: dict[str, float] = field(default_factory=dict)
+    ringing: dict[str, tuple[float, float]] = field(default_factory=dict)
+    level: float = math.inf
 
 
 def assembled(run: ArmRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: ArmProblem) -> ArmAssembly:
@@ -243,9 +248,13 @@ def outputs_of(assembly: ArmAssembly, motion: Motion) -> tuple[Vector, ...]:
         if probe < 0:
             found.append(_read(run.ratio * motion.rotor, output, run, late))
         else:
-            felt = _coupled(motion.readings[:, probe], output, run.grid_rate)
-            gain = assembly.readings * assembly.one_of.get(run.sensors[probe], 1.0)
-            found.append(gain * _read(felt, output, run, late))
+            seat, felt = run.sensors[probe], np.ascontiguousarray(motion.readings[:, probe])
+            own = assembly.ringing.get(seat) or assembly.ringing.get("")
+            if own is not None and np.all(np.isfinite(felt)):
+                felt = mount_resonance(felt, *own, run.grid_rate)
+            gain = assembly.readings * assembly.one_of.get(seat, 1.0)
+            felt = _coupled(felt, output, run.grid_rate)
+            found.append(np.clip(gain * _read(felt, output, run, late), -assembly.level, assembly.level))
     return tuple(found)
 
 
