@@ -16,6 +16,7 @@ from jointscope.diagnosis.arm.problem import ArmProblem, ArmRun
 from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 from jointscope.diagnosis.channels import mount_resonance
+from jointscope.recordings.drift import FOLLOWING, drift_corner, drift_free
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.plant import Links, Mount, Reduced
@@ -269,9 +270,19 @@ def predict_outputs(
 def free_prediction(
     run: PreparedRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: Problem
 ) -> tuple[Vector, ...]:
-    """From inputs alone: the driven rotor is tied to the commanded path instead of the recorded angle."""
+    """From inputs alone: the driven rotor is tied to the commanded path instead of the recorded angle.
+
+    The angle of a sweep that nothing holds comes without what lies below the sweep (:mod:`jointscope.recordings.drift`).
+    """
     assembly = assembled(cast("ArmRun", run), theta, effects, cast("ArmProblem", problem))
-    return outputs_of(assembly, moved(assembly, tied=False))
+    predicted = outputs_of(assembly, moved(assembly, tied=False))
+    corner = drift_corner(run.run, problem.rig)
+    if corner is None:
+        return predicted
+    return tuple(
+        drift_free(y, corner, output.rate) if output.quantity in FOLLOWING else y
+        for y, output in zip(predicted, run.outputs, strict=True)
+    )
 
 
 if TYPE_CHECKING:
