@@ -50,7 +50,7 @@ from jointscope.diagnosis.search import (
     screen_on,
     weightings,
 )
-from jointscope.diagnosis.uncoupling import bends_beside, in_own_terms
+from jointscope.diagnosis.uncoupling import as_mounts, bends_beside, in_own_terms
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
@@ -253,7 +253,9 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
 
 
 def _uncoupled(arena: Arena) -> Arena:
-    return replace(arena, hypotheses=tuple(in_own_terms(arena.objective, arena.hypotheses)))
+    own = in_own_terms(arena.objective, arena.hypotheses)
+    own.extend(as_mounts(arena.objective, own))
+    return replace(arena, hypotheses=tuple(sorted(own, key=lambda h: h.loss)))
 
 
 def _with_strangers(

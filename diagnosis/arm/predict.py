@@ -16,7 +16,7 @@ from jointscope.diagnosis.arm.problem import ArmProblem, ArmRun
 from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 from jointscope.diagnosis.channels import mount_resonance
-from jointscope.recordings.drift import FOLLOWING, drift_corner, drift_free
+from jointscope.recordings.drift import BELOW, FOLLOWING, drift_free, lower_edge
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.plant import Links, Mount, Reduced
@@ -272,15 +272,17 @@ def free_prediction(
 ) -> tuple[Vector, ...]:
     """From inputs alone: the driven rotor is tied to the commanded path instead of the recorded angle.
 
-    The angle of a sweep that nothing holds comes without what lies below the sweep (:mod:`jointscope.recordings.drift`).
+    The angle of a sweep comes without what lies below the sweep (:mod:`jointscope.recordings.drift`), whatever was
+    commanded: of the drive's law that holds it there nothing is known.
     """
     assembly = assembled(cast("ArmRun", run), theta, effects, cast("ArmProblem", problem))
     predicted = outputs_of(assembly, moved(assembly, tied=False))
-    corner = drift_corner(run.run, problem.rig)
-    if corner is None:
+    if run.run.experiment != "torque-sweep" or run.motor is None:
         return predicted
+    half = run.t0 + np.arange(run.steps + 1) / run.grid_rate
+    corner = BELOW * lower_edge(run.motor.signal(half), run.grid_rate)
     return tuple(
-        drift_free(y, corner, output.rate) if output.quantity in FOLLOWING else y
+        drift_free(y, corner, output.rate) if corner > 0.0 and output.quantity in FOLLOWING else y
         for y, output in zip(predicted, run.outputs, strict=True)
     )
 

@@ -18,7 +18,9 @@ def test_it_is_the_formula_to_single_precision(n, r):
     found = less_scatter(w, rows, shrink)
     assert np.abs(found - expected).max() < 1e-7 * np.abs(w).max()
     twice = less_scatter(3.0 * w, rows, shrink)
-    assert np.allclose(twice, 3.0 * found, rtol=1e-12, atol=1e-14)  # linear: differences of residuals are not rounded
+    assert np.allclose(
+        twice, 3.0 * found, rtol=1e-12, atol=1e-14
+    )  # linear: differences of residuals are not rounded
 
 
 def test_what_is_taken_off_whole_is_gone():
