@@ -4,7 +4,7 @@ To first order such a bend explains next to nothing, so that no screening finds 
 
 A mount that turns by the joint's reaction, with the share s of J_L over its own inertia and the frequency w, makes the joint
 softer by what an outer part J_p = J_L s/(1 + s) at w/sqrt(1 + s) does that neither hammer nor sensor follows (phi = J_p/J_L),
-but for b_l, which rubs on the mount where there is one: 0.3 % of a hit's response tells the two apart.
+but for b_l, which rubs on the mount where there is one: less than 1 % of a response tells the two apart.
 What was found as such a bend is fitted as a mount too.
 """
 
