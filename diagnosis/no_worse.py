@@ -18,6 +18,7 @@ from jointscope.diagnosis.verdict import TOO_MANY, adequacy_of
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
     from jointscope.diagnosis.pipeline import Diagnosis
+    from jointscope.diagnosis.verdict import Decision
 
 WORSE = 0.01  # of the base's held-out error
 DRIFTING = 0.05  # the same where only angles that drift off are worse, or the runs confirm the effect step by step
@@ -31,6 +32,11 @@ NEARLY_AS_MUCH = (
     0.95  # of the chosen set's score, with which another fit of the same effects may be handed on instead ...
 )
 TRIED = 4  # ... and how many such are
+NEARLY_WHOLE, HARDLY_NEARER, FAR_OFF = (
+    0.9,  # of a mismatch that named effects explain, below which they are asked what they do for held-out runs ...
+    0.7,  # ... of what the base leaves there beyond the noise, above which that is little ...
+    0.05,  # ... where as much of the signal is left
+)
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
 
@@ -57,6 +63,18 @@ def borne(whole: float, told: Sequence[ChannelError], base: Sequence[ChannelErro
     no_worse = not told or mean_error(told) <= mean_error(base)  # nothing was recorded but what drifts off
     little = (sure or no_worse) and whole < 1.0 + DRIFTING
     return little or (sure and no_worse) or clearly_better(told, base)
+
+
+def explains_little(explained: float, told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
+    """Whether what was named is no answer: far from all of the fit, and little of the held-out runs, which stay far off.
+
+    Args:
+        explained: Share of the mismatch's energy in the fitted runs; ``nan`` where none is known.
+        told: The errors of the named effects' model, without angles that drift off open loop.
+        base: The base's, likewise.
+    """
+    left = _beyond_noise(told)
+    return explained < NEARLY_WHOLE and left > FAR_OFF and left > HARDLY_NEARER * _beyond_noise(base)
 
 
 def may_follow(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
@@ -95,6 +113,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     the effect works by chance. Where those runs confirm it and only angles that drift off are foretold worse, it stays
     however far they do; and where they never come to the place that shows it (a stop), while they are foretold about as
     well.
+
+    What explains far from all of the fitted runs and little of the held-out ones is no answer either (``explains_little``).
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
     base = diagnosis.judgement.base
@@ -121,8 +141,16 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
                 return False
         return whole > (1.0 + WORSE) * of_base[0]
 
+    def unlisted() -> Decision:
+        return replace(
+            decision, verdict="unknown", chosen=base, unknown_reason="outside-catalogue", candidates=(),
+            adequacy=adequacy_of(diagnosis.judgement, base),
+        )  # fmt: skip
+
     if not worse(decision.chosen):
-        return diagnosis
+        named, told = decision.verdict == "effects", error(decision.chosen)[1]
+        little = named and explains_little(decision.adequacy.explained, told, of_base[1])
+        return replace(diagnosis, decision=unlisted()) if little else diagnosis
     if decision.verdict == "unknown":
         return replace(diagnosis, decision=replace(decision, chosen=base))
     for judged in _same_names(diagnosis):
@@ -130,12 +158,12 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
             fit = adequacy_of(diagnosis.judgement, judged)
             return replace(diagnosis, decision=replace(decision, chosen=judged, adequacy=fit))
     top = decision.ranking[0]
-    named = [r for r in decision.ranking[1:5] if r.names and resembled(r.judged) is None]
+    listed = [r for r in decision.ranking[1:5] if r.names and resembled(r.judged) is None]
     of_three = any(
         r.score > top.score and r.probability == 0.0 and len(r.names) >= TOO_MANY for r in decision.ranking
     )
     others = (
-        [] if of_three else [r for r in named if r.score > SECOND * top.score]
+        [] if of_three else [r for r in listed if r.score > SECOND * top.score]
     )  # of three, no other two instead
     kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]
     if kept:
@@ -144,8 +172,5 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         fit = adequacy_of(diagnosis.judgement, kept[0].judged)
         changed = replace(decision, chosen=kept[0].judged, probability=sure, candidates=(), adequacy=fit)
     else:
-        changed = replace(
-            decision, verdict="unknown", chosen=base, unknown_reason="outside-catalogue", candidates=(),
-            adequacy=adequacy_of(diagnosis.judgement, base),
-        )  # fmt: skip
+        changed = unlisted()
     return replace(diagnosis, decision=changed)

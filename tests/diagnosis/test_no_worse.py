@@ -13,7 +13,7 @@ from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
-from jointscope.diagnosis.no_worse import SECOND_CHOICE, borne, clearly_better, may_follow
+from jointscope.diagnosis.no_worse import SECOND_CHOICE, borne, clearly_better, explains_little, may_follow
 from jointscope.diagnosis.predict import predict_outputs
 
 
@@ -192,3 +192,20 @@ def test_angles_that_drift_off_open_loop_are_left_out(problem):
     both = {**held, "without_drift": {**figures, "base": 0.15}, "wind_up_error": {"base": 0.3, "augmented": None}}
     lines = held_out_lines(both)
     assert "0.1500 and 40.1000" in lines[1] and "0.3000 and not known" in lines[2]
+
+
+@pytest.mark.parametrize(
+    ("explained", "told", "base", "little"),
+    [
+        (0.84, 0.167, 0.214, True),  # a mass that rattles, as play: most of it stays
+        (0.99, 0.167, 0.214, False),  # the fitted runs say that it is what was left out
+        (0.84, 0.10, 0.214, False),  # most of it is gone
+        (0.84, 0.07, 0.075, False),  # next to nothing is left beyond the noise
+        (math.nan, 0.167, 0.214, False),  # no share is known
+    ],
+)
+def test_what_explains_little_is_no_answer(explained, told, base, little):
+    def errors(value):
+        return [ChannelError("r", "hammer", "linear-acceleration@arm", value, 0.06)]
+
+    assert explains_little(explained, errors(told), errors(base)) is little
