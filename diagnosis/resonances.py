@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.refit import Fit, fitted_on, least_squares
@@ -32,12 +33,26 @@ HOPELESS = 10.0  # times the base's misfit, beyond which a softer joint is not a
 ALONG = (3, 8)  # steps and simulations per frequency of the path
 FREED = 2  # minima of the paths that are freed
 FREE = (30, 100)  # steps and simulations then: modes of neighbouring joints are told apart by converged fits only
+MUCH = 0.1  # of the data's rms, left by a leading set in the median channel, beside which modes are sought
 WORTH = 0.9  # of what the base leaves; a mode that leaves less is fitted on ...
 ON = (60, 250)  # ... for so many steps and simulations
 
 
+def resonances_beside(
+    objective: Objective, parent: Hypothesis, candidates: Sequence[ActiveEffect]
+) -> list[Hypothesis]:
+    """The same beside a leading set that leaves much: a joint that yields somewhere hides behind play in another."""
+    others = [active for active in candidates if name_of(active.spec) not in parent.names]
+    if not any(active.spec.of_own_frequency for active in others):
+        return []
+    predictions = objective.predictions(*parent.fit.coordinates.unpack(parent.fit.x))
+    if relative_misfit(objective.prepared, predictions) < MUCH:
+        return []
+    return resonances(objective, parent.fit, others)
+
+
 def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffect]) -> list[Hypothesis]:
-    """Every mode of a frequency of its own that explains anything beside ``base``, fitted."""
+    """Every mode of a frequency of its own that explains anything beside ``base`` and its effects, if any, fitted."""
     shapes: dict[str, dict[tuple[float, ...], ActiveEffect]] = {}
     for active in candidates:
         if active.spec.of_own_frequency:
@@ -63,22 +78,23 @@ def resonances(objective: Objective, base: Fit, candidates: Sequence[ActiveEffec
 def _path(objective: Objective, base: Fit, active: ActiveEffect) -> list[Fit]:
     """The base refitted beside the mode at ever lower frequencies, the mode's own figures held."""
     spec = active.spec
-    where = coordinates(objective.problem, (spec,))
+    theta, others = base.coordinates.unpack(base.x)
+    where = coordinates(objective.problem, (*base.coordinates.effects, spec))
     own = range(base.coordinates.n, where.n)
     values = np.array(active.values)
     jacobian = np.concatenate([base.jacobian, np.zeros((len(base.w), len(own)))], axis=1)
-    theta, _ = base.coordinates.unpack(base.x)
     frequency = spec.parameters[spec.amplitude].upper / STEP
     path: list[Fit] = []
     while frequency > LOWEST and not (path and path[-1].chi2 > HOPELESS * base.chi2):
         values[spec.amplitude] = frequency
-        x = where.pack(theta, (ActiveEffect(spec, tuple(float(v) for v in values)),))
+        x = where.pack(theta, (*others, ActiveEffect(spec, tuple(float(v) for v in values))))
         fit = least_squares(
             objective, held_at(where, x, list(own)), x, jacobian=jacobian, iterations=ALONG[0], tolerance=1e-2,
             simulations=ALONG[1],
         )  # fmt: skip
         path.append(replace(fit, coordinates=where))
-        (theta, _), jacobian = where.unpack(fit.x), fit.jacobian
+        (theta, effects), jacobian = where.unpack(fit.x), fit.jacobian
+        others = effects[:-1]
         frequency /= STEP
     return path
 

@@ -34,7 +34,7 @@ from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.refit import least_squares
-from jointscope.diagnosis.resonances import resonances
+from jointscope.diagnosis.resonances import resonances, resonances_beside
 from jointscope.diagnosis.ring_downs import PLAY, ring_downs
 from jointscope.diagnosis.rivals import BEHIND, contained, grown, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
@@ -351,6 +351,7 @@ def explore(
         beside = extensions(arena.objective, arena.base.fit, parent, laws, screening, effort)
         if k == 0:
             beside.extend(fit_instead(arena.objective, parent.fit, parent.specs, screening, beside, effort))
+            beside.extend(resonances_beside(arena.objective, parent, candidates))
         pairs.extend(beside)
         if bends:
             pairs.extend(bends_beside(arena.objective, parent, effort))
