@@ -212,8 +212,8 @@ def reshaped(
     done = {frozenset(id(s) for s in h.specs) for h in hypotheses if h.loss < far}
     for place in _places(leader):
         spec = place.spec
-        if spec.family == "periodic":  # an order of the motor is no number for one of the arm
-            continue
+        if spec.family == "periodic" or spec.of_own_frequency:
+            continue  # an order of the motor is no number for one of the arm; a mode's law is there once per start
         freer = FREER.get(spec.variant, ())
         laws: dict[int, list[ActiveEffect]] = {}
         for trial in candidates:
