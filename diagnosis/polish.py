@@ -27,6 +27,9 @@ LIGHTLY = 0.1  # of the stated damping, another start
 POLISHING = 40  # simulations of all runs that a refit may take
 BEYOND_DOUBT = 300.0  # nats by which a hypothesis leads the base, so that nothing far behind it can matter ...
 FAR_BEHIND = 0.2  # ... which is what gains less than this of what it does
+ANOTHER_FORM = (
+    0.1  # of what the leader gains, by which another law of the same names may be behind the best of them
+)
 LED_BY = 3  # leading hypotheses whose parts are kept however little they gain
 
 
@@ -45,7 +48,8 @@ def anew(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothe
 def worth_judging(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """The base, which comes first, and of the rest what is not far behind a leader that is beyond doubt.
 
-    Parts of the leading sets are kept: each set is asked what it adds to them.
+    Parts of the leading sets are kept: each set is asked what it adds to them. Of the laws of one set of names those are left
+    out that are further behind its best than a form of the right law may be.
     """
     base, *others = hypotheses
     leading = sorted(others, key=lambda h: h.loss)[:LED_BY]
@@ -53,9 +57,12 @@ def worth_judging(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     if most < BEYOND_DOUBT:
         return [base, *others]
     parts = [set(h.names) for h in leading]
-    kept = (
-        h for h in others if base.loss - h.loss > FAR_BEHIND * most or any(set(h.names) <= part for part in parts)
-    )
+    best: dict[tuple[str, ...], float] = {}
+    for h in others:
+        best[h.names] = min(best.get(h.names, math.inf), h.loss)
+    reach = max(BEYOND_DOUBT, ANOTHER_FORM * most)
+    near = (h for h in others if h.loss - best[h.names] <= reach)
+    kept = (h for h in near if base.loss - h.loss > FAR_BEHIND * most or any(set(h.names) <= p for p in parts))
     return [base, *kept]
 
 

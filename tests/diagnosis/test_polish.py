@@ -73,3 +73,11 @@ def test_where_nothing_leads_beyond_doubt_everything_is_judged():
     base, leader, far = standing_at((), 299.0), standing_at(("a@load",), 0.0), standing_at(("d@load",), 298.0)
     assert worth_judging([base, leader, far]) == [base, leader, far]
     assert worth_judging([base]) == [base]
+
+
+def test_of_the_laws_of_one_set_those_far_behind_its_best_are_not_judged():
+    base, leader = standing_at((), 20_000.0), standing_at(("a@load",), 0.0)
+    form, wrong = standing_at(("a@load",), 1900.0), standing_at(("a@load",), 2100.0)
+    other, its_form, its_wrong = (standing_at(("b@motor",), loss) for loss in (9000.0, 10_500.0, 11_500.0))
+    judged = worth_judging([base, leader, form, wrong, other, its_form, its_wrong])
+    assert judged == [base, leader, form, other, its_form]
