@@ -33,6 +33,7 @@ from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
+from jointscope.diagnosis.polish import worth_judging
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.resonances import resonances, resonances_beside
 from jointscope.diagnosis.ring_downs import PLAY, ring_downs
@@ -264,7 +265,7 @@ def _with_strangers(
     outside: Sequence[EffectSpec],
     effort: Effort,
     more: Sequence[ActiveEffect],
-) -> tuple[Hypothesis, ...]:
+) -> Arena:
     """All hypotheses, and what physics outside the contract's table does in place of the leading one.
 
     Under the noise that a leader leaves the base is so far off that its hits' gains seem free, and a law fitted from it
@@ -275,13 +276,13 @@ def _with_strangers(
         more: Trials of theirs that the runs' own numbers gave.
     """
     if not arena.hypotheses or not outside:
-        return arena.hypotheses
+        return arena
     leader = arena.hypotheses[0]
     found: list[Hypothesis] = []
     for start in starts:
         fitted = strangers(start.objective, start.base.fit, leader, outside, effort, more)
         found.extend(fitted if start is arena else (_seen(arena.objective, h) for h in fitted))
-    return settled(arena, found, effort).hypotheses if found else arena.hypotheses
+    return settled(arena, found, effort) if found else arena
 
 
 def explore(
@@ -322,7 +323,7 @@ def explore(
     if softer:
         arena = settled(arena, softer, effort)
     if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
-        return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more)
+        return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more).hypotheses
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
     if _has_some(arena, PLAY):
@@ -373,4 +374,5 @@ def explore(
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
     arena = _uncoupled(arena)
-    return screening, _with_strangers(arena, (arena, first), outside, effort, more)
+    arena = _with_strangers(arena, (arena, first), outside, effort, more)
+    return screening, tuple(worth_judging([arena.base, *arena.hypotheses])[1:])

@@ -208,7 +208,10 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False):
     monkeypatch.setattr(no_worse, "replace", lambda thing, **new: SimpleNamespace(**{**vars(thing), **new}))
     base, chosen = judged((), ()), judged(("backlash@transmission",), ("gap",))
     decision = SimpleNamespace(
-        verdict="effects", chosen=chosen, ranking=(SimpleNamespace(score=1.0, names=chosen.names),)
+        verdict="effects",
+        chosen=chosen,
+        ranking=(SimpleNamespace(score=1.0, names=chosen.names),),
+        adequacy=SimpleNamespace(explained=math.nan),
     )
     run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"))
     diagnosis = SimpleNamespace(
