@@ -68,7 +68,7 @@ def found(folder, simulated, stated, ask=plainly, reads=1.0):
         return ask(arena, candidates)
 
 
-@pytest.mark.parametrize("K", [4000.0, 9000.0, 25000.0])
+@pytest.mark.parametrize("K", [4000.0, 25000.0])
 def test_a_joint_that_the_model_has_rigid_is_found_at_its_frequency(tmp_path, K):
     stated = RIGID.replace('stiffness="40000"', 'stiffness="46000"')
     base, modes = found(tmp_path, planar.MJCF.replace('stiffness="9000"', f'stiffness="{K}"'), stated)

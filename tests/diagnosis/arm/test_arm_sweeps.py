@@ -37,10 +37,10 @@ def noisy(run, rng, name):
 
 @pytest.fixture(scope="module")
 def sweeps(tmp_path_factory):
-    """Four takes of one sweep, none longer than 1.5 s."""
+    """Three takes of one sweep, none longer than 1.5 s."""
     campaign = planar.swept(tmp_path_factory.mktemp("sweeps"))
     rng = np.random.default_rng(5)
-    runs = tuple(noisy(campaign.runs[0], rng, f"s{k}") for k in range(4))
+    runs = tuple(noisy(campaign.runs[0], rng, f"s{k}") for k in range(3))
     return prepare_arm(replace(campaign, runs=runs))
 
 
