@@ -36,6 +36,11 @@ def drift_corner(run: Run, rig: Nameplate) -> float | None:
     tied = run.motor_held if rig.topology == "two-inertia" else rig.grounded(held=run.motor_held)
     if run.experiment != "torque-sweep" or tied or run.select("speed-command"):
         return None
+    return below_sweep(run)
+
+
+def below_sweep(run: Run) -> float | None:
+    """Corner [Hz] below which the inputs of a sweep hold nothing; ``None`` where they hold everything."""
     drives = [s for s in run.select(role="input") if s.channel.quantity in FORCES]
     edge = min((lower_edge(s.samples, s.sampling_rate) for s in drives), default=0.0)
     return BELOW * edge if edge > 0.0 else None

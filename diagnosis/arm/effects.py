@@ -1,5 +1,7 @@
 r"""What can be left out of an arm's model, joint by joint: the catalogue's laws, each at every joint that shows it.
 
+The recorder's faults are in :mod:`jointscope.diagnosis.arm.recorder`.
+
 Laws, all at the joint output:
 
     motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
@@ -9,7 +11,6 @@ Laws, all at the joint output:
     neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
     base          the whole arm on its mount, a joint more at the root: K = M_00 (2 pi f)^2
     motor         n T_e times gain; n T_e behind a first-order lag
-    acquisition   accelerometers times gain, clipped, or behind w^2/(s^2 + 2 zeta w s + w^2) of their mounts; a late log
 """
 
 from __future__ import annotations
@@ -24,13 +25,12 @@ from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.law import SEPARATOR, Put, applied, arm_law
 from jointscope.diagnosis.arm.plant import Mount
 from jointscope.diagnosis.arm.problem import ArmProblem
+from jointscope.diagnosis.arm.recorder import recorder_faults
 from jointscope.diagnosis.effects import catalogue, payloads
-from jointscope.diagnosis.effects.lines import Residuals, response_peaks
 from jointscope.diagnosis.effects.spec import EffectSpec, Location, ParameterSpec, Values, one_start
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.predict import ArmAssembly
-    from jointscope.diagnosis.problem import Problem
 
 MICRO = 1e-5  # rad/s: a rotor that moves less says nothing of its friction
 TRIED = (
@@ -42,10 +42,8 @@ TRIED = (
 )  # Hz at which a neighbour's flexibility is screened: its shape changes with it
 SLOWEST = 2.0 * math.pi * 10.0  # rad/s of a rotor's oscillation, by which its speed tells how far it turns
 LEAST = 1e-3  # of the tested joint's inertia, that the last link gives to it, for its load to be told by that
-MOST_SEATS = 4  # of accelerometers, beyond which no one's fault is looked for
 DEPTHS = (0.0, 0.3)  # m of a mount's axis under the arm's origin, tried
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
-SLOWEST_SEAT = 60.0  # Hz of an accelerometer's own mount: nobody sticks it on more softly than what it is to show
 HIGHEST_MOUNT = 120.0  # Hz, the same of a mount
 
 
@@ -332,89 +330,6 @@ def _drive(problem: ArmProblem, j: int) -> list[EffectSpec]:
     ]  # fmt: skip
 
 
-def _recorder(problem: ArmProblem) -> list[EffectSpec]:
-    """Faults of the recording that a joint would else be blamed for."""
-    found = []
-    if any(r.late_motor or any(o.device != 0 for o in r.outputs) for r in problem.arm_runs):
-
-        def put_delay(assembly: ArmAssembly, values: Values) -> None:
-            assembly.late = values[0]
-
-        found.append(
-            arm_law(
-                "delay", "acquisition", None, "constant", "sensor-time",
-                (ParameterSpec("delay", "s", -0.02, 0.02, null=0.0),), put_delay, "the drive's log stamps late",
-                (2e-4, 1e-3, 4e-3), ((),), ("torque-sweep",), ("drive-lag",),
-            )
-        )  # fmt: skip
-
-    def gain(put: Put, law: str, variant: str) -> EffectSpec:
-        return arm_law(
-            "sensor-gain", "acquisition", None, variant, "sensor-gain",
-            (ParameterSpec("gain", "1", 0.5, 1.8, null=1.0),), put, law, (1.01, 1.05, 1.2), ((),),
-            ("hammer", "torque-sweep"), ("torque-gain",),
-        )  # fmt: skip
-
-    def put_all(assembly: ArmAssembly, values: Values) -> None:
-        assembly.readings = values[0]
-
-    def put_one(seat: str) -> Put:
-        def put(assembly: ArmAssembly, values: Values) -> None:
-            assembly.one_of[seat] = values[0]
-
-        return put
-
-    seats = sorted({seat for r in problem.arm_runs for seat in r.sensors})
-    if seats:
-        found.append(gain(put_all, "accelerations times gain", "factor"))
-        found.extend([_ringing(problem, ""), _clipping(problem)])
-    if 1 < len(seats) <= MOST_SEATS:
-        found.extend(gain(put_one(s), f"times gain, of the accelerometer on {s}", f"factor, {s}") for s in seats)
-        found.extend(_ringing(problem, s) for s in seats)
-    return found
-
-
-def _ringing(problem: ArmProblem, seat: str) -> EffectSpec:
-    rate = max(o.rate for r in problem.arm_runs for o, p in zip(r.outputs, r.probes, strict=True) if p >= 0)
-
-    def put(assembly: ArmAssembly, values: Values) -> None:
-        if math.isfinite(values[0]):
-            assembly.ringing[seat] = values[0], values[1]
-
-    def peaks(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
-        found = response_peaks(problem, residuals, SLOWEST_SEAT, 0.45 * rate, 3)
-        return tuple((f, damping) for f in found for damping in (0.02, 0.1))
-
-    spec = arm_law(
-        "sensor-resonance", "acquisition", None, "mount" + (f", {seat}" if seat else ""), "sensor-gain",
-        (
-            ParameterSpec("frequency", "Hz", SLOWEST_SEAT, 20.0 * rate, log=True, null=math.inf),
-            ParameterSpec("damping", "1", 0.003, 1.5, log=True),
-        ), put, "w^2/(s^2 + 2 zeta w s + w^2)" + (f", of the accelerometer on {seat}" if seat else ""),
-        (rate, 0.45 * rate, 0.2 * rate), ((0.05,), (0.3,)), ("hammer", "torque-sweep"), ("delay", "neighbour-flexibility"),
-    )  # fmt: skip
-    return replace(spec, residual_starts=peaks)
-
-
-def _clipping(problem: ArmProblem) -> EffectSpec:
-    peak = max(
-        float(np.max(np.abs(o.data)))
-        for r in problem.arm_runs
-        for o, p in zip(r.outputs, r.probes, strict=True)
-        if p >= 0 and o.data.size
-    )
-
-    def put(assembly: ArmAssembly, values: Values) -> None:
-        assembly.level = values[0]
-
-    return arm_law(
-        "sensor-saturation", "acquisition", None, "clip", "sensor-gain",
-        (ParameterSpec("level", "m/s^2", 0.01 * peak, 1.5 * peak, log=True, null=math.inf),), put,
-        "clip(y, +-level)", (0.97 * peak, 0.75 * peak, 0.45 * peak), ((),), ("hammer", "torque-sweep"),
-        ("stiffness-nonlinearity",),
-    )  # fmt: skip
-
-
 @catalogue.register(ArmProblem)
 def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
     """Every law at every joint that these recordings can show it at."""
@@ -430,4 +345,4 @@ def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
             found.extend(_neighbour(problem, int(j)))
         if any(r.driven == j for r in runs):
             found.extend(_drive(problem, int(j)))
-    return (*found, *_mount(problem), *_recorder(problem))
+    return (*found, *_mount(problem), *recorder_faults(problem))

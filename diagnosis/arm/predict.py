@@ -16,7 +16,7 @@ from jointscope.diagnosis.arm.problem import ArmProblem, ArmRun
 from jointscope.diagnosis.arm.small import run_small
 from jointscope.diagnosis.assembly import OBSERVER_HZ, OBSERVER_ZETA
 from jointscope.diagnosis.channels import mount_resonance
-from jointscope.recordings.drift import BELOW, FOLLOWING, drift_free, lower_edge
+from jointscope.recordings.drift import FOLLOWING, below_sweep, drift_free
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.arm.plant import Links, Mount, Reduced
@@ -277,12 +277,11 @@ def free_prediction(
     """
     assembly = assembled(cast("ArmRun", run), theta, effects, cast("ArmProblem", problem))
     predicted = outputs_of(assembly, moved(assembly, tied=False))
-    if run.run.experiment != "torque-sweep" or run.motor is None:
+    corner = below_sweep(run.run) if run.run.experiment == "torque-sweep" else None
+    if corner is None:
         return predicted
-    half = run.t0 + np.arange(run.steps + 1) / run.grid_rate
-    corner = BELOW * lower_edge(run.motor.signal(half), run.grid_rate)
     return tuple(
-        drift_free(y, corner, output.rate) if corner > 0.0 and output.quantity in FOLLOWING else y
+        drift_free(y, corner, output.rate) if output.quantity in FOLLOWING else y
         for y, output in zip(predicted, run.outputs, strict=True)
     )
 
