@@ -298,7 +298,7 @@ def rests(assembly: Assembly) -> tuple[float | None, ...]:
     P, run = assembly.P, assembly.run
     if (
         P[kernel.GAP_HALF] == 0.0
-        or P[kernel.GAP_CORNER] > 0.0
+        or P[kernel.GAP_CORNER] != 0.0
         or run.load is None
         or run.run.initial != "rest"
         or held_weight(assembly) != 0.0

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
     from jointscope.diagnosis.problem import Problem
 
+SOFTEST_END = 0.5  # of half a gap, that bends which end soon may be wide: with more it is a soft region
 SOFTEST = 0.7  # share of the stiffness that a soft region may lack: with more it is a gap
 
 
@@ -47,6 +48,11 @@ def _hyperbolic(assembly: Assembly, values: Values, weight: float) -> None:
     half = 0.5 * values[0]
     assembly.P[kernel.GAP_HALF], assembly.P[kernel.GAP_CORNER] = half, values[1] * half
     assembly.P[kernel.GAP_FADE] = values[2]
+
+
+def _softplus(assembly: Assembly, values: Values, weight: float) -> None:
+    _hyperbolic(assembly, values, weight)
+    assembly.P[kernel.GAP_CORNER] *= -1.0
 
 
 def _impact(assembly: Assembly, values: Values, weight: float) -> None:
@@ -94,7 +100,7 @@ SPECS: tuple[EffectSpec, ...] = tuple(
         look_alikes=("stiffness-nonlinearity", "hysteresis", "coulomb-friction"),
         apply=apply,
         scale=_angle_sizes,
-        decades=0 if variant in ("off-centre", "cushioned", "hyperbolic", "impact") else 3,
+        decades=0 if variant in ("off-centre", "cushioned", "hyperbolic", "softplus", "impact") else 3,
         starts=starts,
         proportional=proportional,
         possible=needs_spring,
@@ -144,6 +150,14 @@ SPECS: tuple[EffectSpec, ...] = tuple(
             _hyperbolic,
             (_GAP, ParameterSpec("corner", "1", 0.01, 1.0, log=True), ParameterSpec("fade", "1", 0.0, 3.0)),
             lambda problem: ((0.4, 1.0),),
+            (),
+        ),
+        (
+            "softplus",
+            "K x + c x'^fade, x = s_+ - s_-, s_+- = w ln(1 + exp((+-Delta - gap/2)/w)), w = corner gap/2",
+            _softplus,
+            (_GAP, ParameterSpec("corner", "1", 0.01, SOFTEST_END, log=True), ParameterSpec("fade", "1", 0.0, 3.0)),
+            lambda problem: ((0.2, 1.0),),
             (),
         ),
         (

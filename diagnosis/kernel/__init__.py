@@ -74,7 +74,7 @@ def simulate(
         or P[GAP_SHEDS] != 0.0
         or P[GAP_CORNER] != 0.0
     )
-    if not scalar or (rich and relaxing):
+    if not scalar:
         simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))

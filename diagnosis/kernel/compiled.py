@@ -44,6 +44,8 @@ def inlined(function: Callable[Given, R]) -> Callable[Given, R]:
 
 def _jit(function: Callable[Given, R], within: bool) -> Callable[Given, R]:
     function.__qualname__ = f"{function.__name__}_{SOURCES}"
-    jit = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}, forceinline=within)
+    jit = njit(
+        cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "arcp"}, forceinline=within
+    )
     made: Callable[Given, R] = jit(function)
     return made

@@ -148,8 +148,15 @@ def seated(el: float, P: Real) -> float:
 def bent(x: float, half: float, corner: float) -> tuple[float, float]:
     """Stretch of a spring beyond +-``half`` [rad] whose corners are bends of half width ``corner``, and its slope [-].
 
-    x - (r_+ - r_-)/2, r_+- = ((x +- half)^2 + corner^2)^(1/2): the dead zone where there is no bend.
+    x - (r_+ - r_-)/2, r_+- = ((x +- half)^2 + corner^2)^(1/2): the dead zone where there is no bend. With a ``corner``
+    below zero s_+ - s_-, s_+- = |corner| ln(1 + exp((+-x - half)/|corner|)): bends whose ends fade as an exponential.
     """
+    if corner < 0.0:
+        up, down = (x - half) / -corner, (-x - half) / -corner
+        rising, falling = math.exp(-abs(up)), math.exp(-abs(down))
+        stretch = max(up, 0.0) - max(down, 0.0) + math.log1p(rising) - math.log1p(falling)
+        slope = (1.0 if up > 0.0 else rising) / (1.0 + rising) + (1.0 if down > 0.0 else falling) / (1.0 + falling)
+        return float(-corner * stretch), float(slope)
     above, below, width = x + half, x - half, corner * corner
     upper, lower = math.sqrt(above * above + width), math.sqrt(below * below + width)
     slope = 1.0 - 0.5 * (above / upper - below / lower)
@@ -185,7 +192,7 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
     contact = 1.0
     if P[GAP_HALF] > 0.0:
         el = delta - P[GAP_CENTRE]
-        if P[GAP_CORNER] > 0.0:
+        if P[GAP_CORNER] != 0.0:
             el, slope = bent(el, P[GAP_HALF], P[GAP_CORNER])
             contact = faded(slope, P[GAP_FADE])
         elif el > P[GAP_HALF]:

@@ -68,7 +68,7 @@ GAP_ROUND, GAP_FADE, GAP_SHEDS = (
     147,
 )  # depth over which a flank gives way [rad], power to which its damping does, 1 where flanks don't pull
 SOFT_SMOOTH = 148  # 1 where what a soft middle misses fades as el d^2/(el^2 + d^2), not at a corner
-GAP_CORNER = 149  # half width of a bend in place of the corners of a play [rad]
+GAP_CORNER = 149  # half width of a bend in place of the corners of a play [rad]; below zero one that ends sooner
 ROUND_M_QUADRANT, ROUND_L_QUADRANT = (
     150,
     151,

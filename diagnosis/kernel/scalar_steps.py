@@ -32,8 +32,8 @@ def relaxed(
 def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = False) -> Callable[..., None]:
     """One loop, compiled eight times: bare, with ``MODES``, relaxation ``BRANCHES`` beside them, or what ``RICH`` laws need too.
 
-    With the motor free or ``HELD``. A branch's rate is that of the wind-up less its own, z' = Delta' - z/tau, so its stages
-    need no more of the joint than its speeds.
+    With the motor free or ``HELD``; a rich joint relaxes where it has branches. A branch's rate is that of the wind-up less
+    its own, z' = Delta' - z/tau, so its stages need no more of the joint than its speeds.
     """
 
     def integrate(
@@ -61,7 +61,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
         on = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)  # fmt: skip
         if RICH:
             on = (
-                S[N_TE], int(P[GAP_CORNER] > 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0), int(P[PAR_SHARE] != 0.0),
+                S[N_TE], int(P[GAP_CORNER] != 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0), int(P[PAR_SHARE] != 0.0),
                 int(P[GAP_IMPACT] != 0.0), int(P[GAP_SHEDS] != 0.0), int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE],
                 S[N_RIPPLE], int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE], int(P[POW_K] != 0.0),
             )  # fmt: skip
@@ -79,7 +79,10 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
         zs = np.zeros((6, MOST_BRANCHES))
         spring, slow = np.zeros(MOST_BRANCHES), np.zeros(MOST_BRANCHES)
         z1, z2, z3, z4 = 0.0, 0.0, 0.0, 0.0
-        if BRANCHES:
+        relaxing = BRANCHES
+        if RICH:
+            relaxing = S[N_BRANCH] > 0
+        if relaxing:
             for i in range(S[N_BRANCH]):
                 zs[0, i] = x[S[AT_BRANCH] + i]
                 spring[i], slow[i] = P[BRANCH_0 + 2 * i], 1.0 / P[BRANCH_0 + 2 * i + 1]
@@ -100,7 +103,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
                     m1, l1, y1 = input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s)
                     m2, l2, y2 = input_at(um, k, mid), input_at(ul, k, mid), input_at(y, k, mid)
                     m3, l3, y3 = input_at(um, k, target), input_at(ul, k, target), input_at(y, k, target)
-                if BRANCHES:
+                if relaxing:
                     z1 = 0.0
                     for i in range(MOST_BRANCHES):
                         z1 += spring[i] * zs[0, i]
@@ -134,25 +137,25 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
                     )
                 )
                 g = 0.5 * d
-                if BRANCHES:
+                if relaxing:
                     z2 = relaxed(zs, 1, 0, v_s - v, 1.0, g, spring, slow)
                 a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
                     HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z2,
                 )  # fmt: skip
-                if BRANCHES:
+                if relaxing:
                     z3 = relaxed(zs, 2, 1, v_s + g * b1 - v - g * d1, 2.0, g, spring, slow)
                 a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
                     HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z3,
                 )  # fmt: skip
-                if BRANCHES:
+                if relaxing:
                     z4 = relaxed(zs, 3, 2, v_s + g * b2 - v - g * d2, 2.0, d, spring, slow)
                 a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
                     HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z4,
                 )  # fmt: skip
-                if BRANCHES:
+                if relaxing:
                     relaxed(zs, 4, 3, v_s + d * b3 - v - d * d3, 1.0, 0.0, spring, slow)
                     z4 = 0.0
                     for i in range(MOST_BRANCHES):
@@ -206,11 +209,11 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
                     if target - s > 1e-9:
                         continue
                     e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
-                    if BRANCHES:
+                    if relaxing:
                         zs[4], z4 = zs[0], z1
                 # the event itself, at fraction target
                 q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
-                if BRANCHES:
+                if relaxing:
                     zs[0] = zs[4]
                 if hyst:
                     remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
@@ -240,7 +243,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
                 if s > 1.0 - 1e-9:
                     break
             q_s, v_s, q, v, r, u = e_qs, e_vs, e_q, e_v, e_r, e_u
-            if BRANCHES:
+            if relaxing:
                 zs[0] = zs[4]
             if hyst:
                 remember(P, S, mem, windup_of_scalars(q_s, q, P, S))
@@ -265,5 +268,5 @@ simulate_modes = _scalar_simulator(False, True, False)
 simulate_modes_held = _scalar_simulator(False, True, True)
 simulate_branches = _scalar_simulator(False, True, False, True)
 simulate_branches_held = _scalar_simulator(False, True, True, True)
-simulate_rich = _scalar_simulator(True, True, False)
-simulate_rich_held = _scalar_simulator(True, True, True)
+simulate_rich = _scalar_simulator(True, True, False, True)
+simulate_rich_held = _scalar_simulator(True, True, True, True)

@@ -45,7 +45,7 @@ class Building:
         gap_damping: Share of c that acts inside the play [-].
         gap_sheds, gap_round, gap_fade: Whether its flanks don't pull; depth over which they give way [rad]; power to which
             their damping does.
-        gap_corner: Half width of the bends in place of its corners [rad].
+        gap_corner: Half width of the bends in place of its corners, below zero that of bends that end sooner [rad].
         gap_impact: Damping per elastic torque [s/rad].
         soft, soft_angle, soft_smooth: Stiffness missing within +-angle [N m/rad], [rad]; whether it fades without a corner.
         power: Stiffness that grows with a power of the stretch [N m/rad], where it is that [rad], the power [-].

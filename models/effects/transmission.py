@@ -23,7 +23,8 @@ def backlash(building: Building, location: str, variant: str, p: Parameters) -> 
     """Lost motion ``gap`` in total; ``centre`` in half gaps; the damper acts in contact only, or always ("damped").
 
     Flanks that don't pull ("sheds"), or give way over ``contact_depth`` as well ("rounded"). With ``inside`` that share of
-    the spring is left within the gap ("cushioned"); with ``corner``, in half gaps, bends are in place of its corners;
+    the spring is left within the gap ("cushioned"); with ``corner``, in half gaps, bends are in place of its corners
+    ("softplus": such as end sooner);
     with ``impact`` the damping is Hunt and Crossley's, that much per torque, beside c in contact.
     """
     if "inside" in p:
@@ -33,7 +34,7 @@ def backlash(building: Building, location: str, variant: str, p: Parameters) -> 
     building.centre = 0.5 * p["gap"] * p.get("centre", 0.0)
     building.gap_damping = 1.0 if variant == "damped" else 0.0
     building.gap_sheds = variant in ("sheds", "rounded")
-    building.gap_corner = 0.5 * p["gap"] * p.get("corner", 0.0)
+    building.gap_corner = 0.5 * p["gap"] * p.get("corner", 0.0) * (-1.0 if variant == "softplus" else 1.0)
     building.gap_round, building.gap_fade = p.get("contact_depth", 0.0), p.get("fade", 0.0)
     if "impact" in p:
         building.gap_impact, building.gap_fade = p["impact"], 1.0

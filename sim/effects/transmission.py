@@ -23,7 +23,8 @@ class Spring:
     """T_S = K el + k_2 el^2 + k_3 el^3 - soft clip(el, +-soft_angle) + c Delta', el: Delta outside the play.
 
     A smooth soft middle misses el d^2/(el^2 + d^2), d = soft_angle, in place of the clipped stretch.
-    With bends for corners el = Delta - (r_+ - r_-)/2, r_+- = |Delta +- gap/2 + i gap_corner|, and c (d el/dDelta)^fade.
+    With bends for corners el = Delta - (r_+ - r_-)/2, r_+- = |Delta +- gap/2 + i gap_corner|, and c (d el/dDelta)^fade;
+    where gap_corner is negative they are those of w log(1 + e^(x/w)), w = -gap_corner.
     On rounded flanks K s^(1/2) and c s^fade, s = |el| / (|el| + round), in place of K and c.
 
     Attributes:
@@ -34,7 +35,8 @@ class Spring:
         gap_sheds: 1 where a flank does not pull.
         gap_round, gap_fade: Depth over which a flank gives way [rad]; power to which its damping does [-].
         gap_impact: With such bends, damping per elastic torque [s/rad] beside it: Hunt and Crossley's.
-        gap_corner: Half width of the bends in place of the play's corners, which no element of the MJCF gives [rad].
+        gap_corner: Half width of the bends in place of the play's corners, which no element of the MJCF gives; below
+            zero that of bends whose ends fade as an exponential [rad].
         soft_stiffness, soft_angle: [N m/rad], [rad].
         soft_smooth: 1 where a soft middle has no corner, which no element of the MJCF gives.
         power_stiffness, power_angle, power_exponent: What grows with a power of the stretch, S el |el/d|^(p - 1); not in
@@ -92,13 +94,21 @@ class Spring:
             cornered = replace(self, soft_stiffness=soft, power_stiffness=0.0)
         return cornered.elastic(self.stretch(delta)[0]) + self.damping * rate
 
+    def bent(self, x: float) -> tuple[float, float]:
+        """Stretch [rad] and its slope [-] at a wind-up ``x`` from the middle of a play with bends for corners."""
+        half = 0.5 * self.gap
+        if self.gap_corner < 0.0:
+            ends = [(side * x - half) / -self.gap_corner for side in (1.0, -1.0)]
+            over, under = (max(e, 0.0) + math.log1p(math.exp(-abs(e))) for e in ends)
+            return -self.gap_corner * (over - under), sum(0.5 + 0.5 * math.tanh(0.5 * e) for e in ends)
+        above, below = (complex(x + side * half, self.gap_corner) for side in (1.0, -1.0))
+        slope = 1.0 - 0.5 * (above.real / abs(above) - below.real / abs(below))
+        return x - 0.5 * (abs(above) - abs(below)), slope
+
     def torque(self, delta: float, rate: float, factor: float = 1.0) -> float:
         """T_S [N m]."""
-        if self.gap_corner > 0.0:
-            x, half = delta - self.centre, 0.5 * self.gap
-            ends = [complex(x + side * half, self.gap_corner) for side in (1.0, -1.0)]
-            slope = 1.0 - 0.5 * (ends[0].real / abs(ends[0]) - ends[1].real / abs(ends[1]))
-            el = x - 0.5 * (abs(ends[0]) - abs(ends[1]))
+        if self.gap_corner != 0.0:
+            el, slope = self.bent(delta - self.centre)
             bent = self.elastic(el, factor)
             share = math.pow(max(slope, 0.0), self.gap_fade)
             return bent + (share * self.damping + self.gap_impact * abs(bent)) * rate

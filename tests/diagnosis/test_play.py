@@ -84,16 +84,25 @@ def test_without_depth_and_for_a_law_in_both_kernels_the_flanks_are_the_dead_zon
     assert np.max(np.abs(one[:, k.X_Q] - several[:, k.X_Q])) < 1e-9
 
 
+def _hyperbolic(x, corner):
+    return x - 0.5 * (math.hypot(x + HALF, corner) - math.hypot(x - HALF, corner))
+
+
+def _softplus(x, corner):
+    """The integral of a dead zone's slope whose edges are two logistic steps."""
+    return float(np.logaddexp(0.0, (x - HALF) / -corner) - np.logaddexp(0.0, (-x - HALF) / -corner)) * -corner
+
+
 @pytest.mark.parametrize("amplitude", [3e-5, 1e-4, 6e-4])
-def test_the_period_over_a_bent_dead_zone_is_its_quadrature(amplitude):
+@pytest.mark.parametrize(("stretch", "corner"), [(_hyperbolic, 0.5 * HALF), (_softplus, -0.2 * HALF)])
+def test_the_period_over_a_bent_dead_zone_is_its_quadrature(stretch, corner, amplitude):
     """4 int dq (2 (V(A) - V(q)) / J)^(-1/2) with V of the torque that bends for corners leave; energy stays."""
-    corner = 0.5 * HALF
     P, S = packed(GAP_HALF=HALF, GAP_CORNER=corner)
     t, out = run(P, S, x=(0, 0, amplitude, 0), duration=0.5, rate=16384.0)
     q = out[:, k.X_Q]
 
     def torque(x):
-        return KW["K"] * (x - 0.5 * (math.hypot(x + HALF, corner) - math.hypot(x - HALF, corner)))
+        return KW["K"] * stretch(x, corner)
 
     def slower(u):
         x = amplitude * (1.0 - u * u)

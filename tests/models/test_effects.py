@@ -59,6 +59,7 @@ CATALOGUE = [
     ("backlash", "transmission", "sheds", {"gap": 1e-4}, "gap", 0.0),
     ("backlash", "transmission", "rounded", {"gap": 1e-4, "contact_depth": 4e-5, "fade": 1.0}, "gap", 0.0),
     ("backlash", "transmission", "hyperbolic", {"gap": 1e-4, "corner": 0.5, "fade": 1.0}, "gap", 0.0),
+    ("backlash", "transmission", "softplus", {"gap": 1e-4, "corner": 0.2, "fade": 1.0}, "gap", 0.0),
     ("backlash", "transmission", "impact", {"gap": 1e-4, "corner": 0.5, "impact": 3.0}, "gap", 0.0),
     ("stiffness-nonlinearity", "transmission", "cubic", {"cubic": 2e10}, "cubic", 0.0),
     ("stiffness-nonlinearity", "transmission", "piecewise", {"soft_share": 0.3, "transition_angle": 1e-4}, "soft_share", 0.0),
