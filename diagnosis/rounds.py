@@ -35,6 +35,7 @@ from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.polish import worth_judging
 from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.rescaled import rescaled
 from jointscope.diagnosis.resonances import resonances, resonances_beside
 from jointscope.diagnosis.ring_downs import PLAY, ring_downs
 from jointscope.diagnosis.rivals import BEHIND, contained, grown, reshaped, rivals, strangers
@@ -342,6 +343,7 @@ def explore(
         arena = settled(arena, alike, effort)
     later = _to_grow(arena, 1, [*leaders, *wider])  # a look-alike of the first may have led to it
     found = [h for leader in later for h in grown(arena.objective, arena.base.fit, leader, candidates, effort)]
+    found.extend(rescaled(arena.objective, arena.hypotheses[:BEYOND]))
     if found:
         arena = settled(arena, found, effort)
     pairs.extend(

@@ -44,14 +44,18 @@ EFFORT = Effort(
 DRIVEN_RIGHT = (
     0.01  # of a driven run's signal, to which an arm of several bodies and its motor's log are right at best
 )
+HITS_RIGHT = 0.002  # of a hit's, to which the places of hammer and sensors are: half a millimetre in a quarter metre
 
 
 def _as_right_as_arms_are(judgement: Judgement) -> Judgement:
-    """What an effect explains of driven runs counts from the last hundredth on: a mode of a second joint is no righter."""
+    """What an effect explains of driven runs counts from the last hundredth on: a mode of a second joint is no righter.
+
+    Of hits from the last thousandths on.
+    """
     energies = dict(judgement.echo.energies)
     for kind, (_, signal) in judgement.base.energies.items():
-        if str(kind[0]) != "hammer":
-            energies[kind] = energies.get(kind, 0.0) + DRIVEN_RIGHT**2 * signal
+        right = HITS_RIGHT if str(kind[0]) == "hammer" else DRIVEN_RIGHT
+        energies[kind] = energies.get(kind, 0.0) + right**2 * signal
     return replace(judgement, echo=Echo(energies, {}))
 
 

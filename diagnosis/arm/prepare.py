@@ -27,6 +27,7 @@ Vector = NDArray[np.float64]
 SEEN = 0.004  # relative change of the sensors' response below which a joint is rigid to these recordings
 INFORMED = 0.02  # the same below which its figures stay as stated
 UNLIKE = 0.01  # of an inertia, by which a link's part of it differs between runs, to be weighed on its own
+APART = 0.002  # the same of what the others, the spring and the inertia about its joint do not already make of it
 LEAST_INERTIA = 0.4  # times what the file says
 SOFT_HZ = 25.0  # resonance on its own of a joint that is rigid in the model, to ask whether softness would show
 
@@ -115,13 +116,38 @@ def _weighed(
     massed, carrier = np.zeros(n, dtype=bool), -1
     for i in range(n):
         if carrier >= 0:
-            parts = [
-                r.plant.shares[:, i:n, carrier, carrier].sum(1) / r.plant.mass[:, carrier, carrier] for r in runs
-            ]
-            massed[i] = moving[i] or bool(np.ptp(np.concatenate(parts)) > UNLIKE)
+            parts = _part(runs, i, carrier)
+            massed[i] = moving[i] or bool(np.ptp(parts) > UNLIKE)
         if moving[i]:
             carrier = i
+    for joint in np.flatnonzero(moving):
+        beyond = [i for i in range(joint + 1, n) if not np.any(moving[joint + 1 : i + 1])]
+        felt = np.concatenate([r.plant.mass[:, joint, joint] for r in runs])
+        known = [np.ones(felt.size), 1.0 / felt]  # the spring's own scale, and inertia about the joint
+        massed[beyond] = _apart(known, {i: _part(runs, i, joint) for i in beyond if massed[i]}, beyond)
     return moving, massed
+
+
+def _part(runs: list[ArmRun], link: int, joint: int) -> Vector:
+    """Share of what hangs from ``link`` on in the inertia about ``joint`` that is held, in every run [-]."""
+    return np.concatenate(
+        [r.plant.shares[:, link:, joint, joint].sum(1) / r.plant.mass[:, joint, joint] for r in runs]
+    )
+
+
+def _apart(known: list[Vector], parts: dict[int, Vector], links: list[int]) -> list[bool]:
+    """Which of ``links`` the postures tell from what is known and from each other, those that differ most first."""
+    taken: list[int] = []
+    span = [np.asarray(column) for column in known]
+    while len(taken) < len(parts):
+        basis = np.linalg.qr(np.stack(span, axis=1))[0]
+        left = {i: float(np.ptp(part - basis @ (basis.T @ part))) for i, part in parts.items() if i not in taken}
+        best = max(left, key=lambda i: left[i])
+        if left[best] < APART:
+            break
+        taken.append(best)
+        span.append(parts[best])
+    return [i in taken for i in links]
 
 
 def _carried(massed: NDArray[np.bool_]) -> NDArray[np.int_]:

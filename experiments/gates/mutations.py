@@ -24,8 +24,8 @@ from jointscope.atomic import write_text
 from jointscope.errors import InputError
 from jointscope.progress import track
 
-GROUPS = ("simulator", "identification", "prediction", "arm")  # diagnosis takes too long to be run per mutation
-SECONDS = 300  # of processor time, for one run of the gates
+GROUPS = ("simulator", "identification", "prediction", "arm", "diagnosis")
+SECONDS = 900  # of processor time, for one run of the gates
 RECORDED = ("bench", "ideal", "currents")
 
 
@@ -200,6 +200,30 @@ MUTATIONS = (
         old="K[inner] = reference.gravity_stiffness(posture)",
         new="K[inner] = 0.0 * reference.gravity_stiffness(posture)",
         group="arm",
+    ),
+    Mutation(
+        what="half of a cubic spring's torque, in the diagnosis",
+        file="diagnosis/effects/transmission.py",
+        old="assembly.P[kernel.K_3] += values[0]",
+        new="assembly.P[kernel.K_3] += 0.5 * values[0]",
+        group="diagnosis",
+        reuse=("plain", "hardening", "arm-sweeps", "arm-diagnosis"),
+    ),
+    Mutation(
+        what="the accelerometer's radius squared, in the diagnosis",
+        file="diagnosis/channels.py",
+        old="along * (radius * acceleration[k] + g * up)",
+        new="along * (radius * radius * acceleration[k] + g * up)",
+        group="diagnosis",
+        reuse=("plain", "hardening", "arm-sweeps", "arm-diagnosis"),
+    ),
+    Mutation(
+        what="springs a two-hundredth too stiff, in the diagnosis of an arm",
+        file="diagnosis/arm/kernel.py",
+        old="torque = p[STIFFNESS] * d + p[CUBIC] * d * d * d",
+        new="torque = 1.005 * p[STIFFNESS] * d + p[CUBIC] * d * d * d",
+        group="diagnosis",
+        reuse=("plain", "hardening", "hardening-diagnosis", "arm-sweeps"),
     ),
 )
 

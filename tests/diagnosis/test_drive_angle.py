@@ -115,6 +115,12 @@ def of(builders, rough, edited):
     return motions
 
 
+@pytest.fixture(scope="module")
+def plain(builders, hit, of):
+    """Two motions under a drive's law of two gains, prepared."""
+    return prepare(builders.campaign_of([hit, *of(Loop())[0]]))
+
+
 def followed(problem):
     return [run for run in problem.runs if run.run.experiment == "speed-motion"]
 
@@ -146,10 +152,10 @@ def test_a_growing_torque_makes_the_lag_that_the_law_says(outer):
     assert worst[1] < 0.3 * worst[0]
 
 
-def test_the_angle_is_found_whatever_friction_the_model_lacks(builders, hit, of):
+def test_the_angle_is_found_whatever_friction_the_model_lacks(plain, of):
     """0.03 rad of a motor that lags behind its command by a radian; the gains are at the output, before its losses."""
-    runs, angles = of(Loop())
-    problem = prepare(builders.campaign_of([hit, *runs]))
+    _, angles = of(Loop())
+    problem = plain
     law = followed(problem)[0].observed.law
     assert max(errors(problem, angles)) < 0.05
     assert law.gain * 0.7 == pytest.approx(Loop().gain, rel=0.03)
@@ -188,10 +194,9 @@ def test_no_law_is_sought_where_the_angle_was_recorded(builders, hit, rough):
     assert not followed(problem)[0].observed.commanded
 
 
-def test_where_nothing_can_be_heard_of_the_drive_no_law_is_sought(builders, hit, of, edited):
+def test_where_nothing_can_be_heard_of_the_drive_no_law_is_sought(plain):
     """A joint too soft for the band, a record shorter than the loop, an accelerometer without a unit."""
-    runs, _ = of(Loop())
-    problem = prepare(builders.campaign_of([hit, *runs]))
+    problem = plain
     commanded = [
         replace(r, observed=replace(r.observed, law=None)) for r in problem.runs if r.observed is not None
     ]
@@ -215,8 +220,8 @@ def test_a_held_out_motion_has_no_say_in_the_law(builders, hit, of, edited):
     assert laws[0].gain == pytest.approx(laws[1].gain, rel=0.01)  # what is left comes by way of the joint's start
 
 
-def test_a_motion_that_shows_no_rest_or_has_two_clocks_gives_no_angle(builders, hit, of):
-    run = followed(prepare(builders.campaign_of([hit, *of(Loop())[0]])))[0]
+def test_a_motion_that_shows_no_rest_or_has_two_clocks_gives_no_angle(plain):
+    run = followed(plain)[0]
     law = run.observed.law
     assert followed_angle(run.motor, run.command, 0.0, law) is not None
     signal = run.command.signal
@@ -225,12 +230,11 @@ def test_a_motion_that_shows_no_rest_or_has_two_clocks_gives_no_angle(builders, 
     assert followed_angle(run.motor, replace(run.command, device=7), 0.0, law) is None
 
 
-def test_the_stated_errors_are_those_of_noise(builders, hit, of):
+def test_the_stated_errors_are_those_of_noise(builders, hit, of, plain):
     """ln K_p of further recordings scatters by what is stated, within a factor of three either way."""
-    found = []
-    for seed in range(1, 7):
-        law = followed(prepare(builders.campaign_of([hit, *of(Loop(), seed)[0]])))[0].observed.law
-        found.append((math.log(law.gain), math.sqrt(law.covariance[0, 0])))
+    further = (prepare(builders.campaign_of([hit, *of(Loop(), seed)[0]])) for seed in range(2, 7))
+    laws = [followed(problem)[0].observed.law for problem in (plain, *further)]
+    found = [(math.log(law.gain), math.sqrt(law.covariance[0, 0])) for law in laws]
     gains, stated = np.array(found).T
     assert np.std(gains, ddof=1) < 3.0 * np.mean(stated)
 
@@ -246,8 +250,8 @@ def test_likely_laws_scatter_by_their_covariance():
     assert {(d.ahead, d.outer) for d in drawn} == {(0.0, 0.0)}
 
 
-def test_what_the_laws_error_does_is_had_again_with_the_logs_noise(builders, hit, of):
-    run = followed(prepare(builders.campaign_of([hit, *of(Loop())[0]])))[0]
+def test_what_the_laws_error_does_is_had_again_with_the_logs_noise(plain):
+    run = followed(plain)[0]
     relog = relogged(run)
     paths = np.stack([driven_by(run, relog, turn).observed_half for turn in range(LOGS)])
     spread = run.ratio * float(np.sqrt(np.mean(np.var(paths, axis=0))))
