@@ -7,6 +7,7 @@ Laws, all at the joint output:
     motor         J_M s'' = ... - (T_c + (T_b - T_c) exp(-(s'/v_s)^2)) sgn(s')       Coulomb, Stribeck; exact stick
                   the same with Dahl's bristle in place of the stick, and unlike in the two directions
     transmission  T_S = K dz(Delta, gap) ; K Delta + k_3 Delta^3 ; K Delta - a K w tanh(Delta/w)
+                  c + eta K/w at each posture's own resonance w: a structural loss
                   K Delta + T z(Delta): Dahl's loop, or springs that slip one after the other
     neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
     base          the whole arm on its mount, a joint more at the root: K = M_00 (2 pi f)^2
@@ -43,6 +44,9 @@ TRIED = (
 SLOWEST = 2.0 * math.pi * 10.0  # rad/s of a rotor's oscillation, by which its speed tells how far it turns
 LEAST = 1e-3  # of the tested joint's inertia, that the last link gives to it, for its load to be told by that
 DEPTHS = (0.0, 0.3)  # m of a mount's axis under the arm's origin, tried
+UNLIKE_POSTURES = (
+    1.2  # times the inertia in one posture that it must be in another, for a loss to be told from damping
+)
 HIGHEST = 400.0  # Hz of a neighbour's own resonance, beyond which it is rigid
 HIGHEST_MOUNT = 120.0  # Hz, the same of a mount
 
@@ -171,7 +175,28 @@ def _transmission(problem: ArmProblem, j: int) -> list[EffectSpec]:
             tuple((share * wind_up,) for share in (0.15, 0.6)), ("hammer", "torque-sweep"), ("backlash",),
         )
     )  # fmt: skip
-    return [*found, *_loops(problem, j)]
+    return [*found, *_structural(problem, j), *_loops(problem, j)]
+
+
+def _structural(problem: ArmProblem, j: int) -> list[EffectSpec]:
+    """A loss per cycle: what damps a resonance, eta K/w, goes with its frequency, by which postures tell it from c."""
+    springs = [r for r in problem.arm_runs if problem.mask(r)[j]]
+    felt = [float(r.plant.mass[0, j, j]) for r in springs]
+    if max(felt) < UNLIKE_POSTURES * min(felt):
+        return []
+
+    def put(assembly: ArmAssembly, values: Values) -> None:
+        P, inertia = assembly.P, float(assembly.run.plant.mass[0, j, j])
+        P[j, kernel.DAMPING] += values[0] * math.sqrt(P[j, kernel.STIFFNESS] * inertia)
+
+    return [
+        arm_law(
+            "structural-damping", "transmission", problem.facts.joints[j], "at-resonance", "dissipative",
+            (ParameterSpec("loss_factor", "1", 0.0, 0.5, null=0.0),), put,
+            "K (1 + i loss_factor), as it damps the joint's own resonance in each posture: c + loss_factor K/w",
+            (0.003, 0.02, 0.08), ((),), ("hammer", "torque-sweep"), ("hysteresis",),
+        )
+    ]  # fmt: skip
 
 
 def _loops(problem: ArmProblem, j: int) -> list[EffectSpec]:

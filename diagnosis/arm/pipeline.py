@@ -44,7 +44,9 @@ EFFORT = Effort(
 DRIVEN_RIGHT = (
     0.01  # of a driven run's signal, to which an arm of several bodies and its motor's log are right at best
 )
-HITS_RIGHT = 0.002  # of a hit's, to which the places of hammer and sensors are: half a millimetre in a quarter metre
+HITS_RIGHT = (
+    0.002  # of a hit's, to which the places of hammer and sensors are: half a millimetre in a quarter metre
+)
 
 
 def _as_right_as_arms_are(judgement: Judgement) -> Judgement:

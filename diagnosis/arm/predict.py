@@ -52,7 +52,7 @@ class ArmAssembly:
         readings: Factor on what the accelerometers read.
         one_of: The same of some of them, by where they sit.
         ringing: Resonance [Hz] and damping [-] of the accelerometers' own mounts, by where they sit, "" of all.
-        level: At which the accelerometers clip [m/s^2].
+        levels: At which the accelerometers clip [m/s^2], by where they sit, "" of all.
     """
 
     run: ArmRun
@@ -68,7 +68,7 @@ class ArmAssembly:
     readings: float = 1.0
     one_of: dict[str, float] = field(default_factory=dict)
     ringing: dict[str, tuple[float, float]] = field(default_factory=dict)
-    level: float = math.inf
+    levels: dict[str, float] = field(default_factory=dict)
 
 
 def assembled(run: ArmRun, theta: Vector, effects: tuple[ActiveEffect, ...], problem: ArmProblem) -> ArmAssembly:
@@ -255,7 +255,8 @@ def outputs_of(assembly: ArmAssembly, motion: Motion) -> tuple[Vector, ...]:
                 felt = mount_resonance(felt, *own, run.grid_rate)
             gain = assembly.readings * assembly.one_of.get(seat, 1.0)
             felt = _coupled(felt, output, run.grid_rate)
-            found.append(np.clip(gain * _read(felt, output, run, late), -assembly.level, assembly.level))
+            level = assembly.levels.get(seat, assembly.levels.get("", math.inf))
+            found.append(np.clip(gain * _read(felt, output, run, late), -level, level))
     return tuple(found)
 
 

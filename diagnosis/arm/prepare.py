@@ -120,7 +120,7 @@ def _weighed(
             massed[i] = moving[i] or bool(np.ptp(parts) > UNLIKE)
         if moving[i]:
             carrier = i
-    for joint in np.flatnonzero(moving):
+    for joint in map(int, np.flatnonzero(moving)):
         beyond = [i for i in range(joint + 1, n) if not np.any(moving[joint + 1 : i + 1])]
         felt = np.concatenate([r.plant.mass[:, joint, joint] for r in runs])
         known = [np.ones(felt.size), 1.0 / felt]  # the spring's own scale, and inertia about the joint

@@ -2,7 +2,7 @@ r"""Faults of an arm's recording that a joint would else be blamed for.
 
 sensor-gain         accelerometers times gain, all or those of one seat
 sensor-resonance    behind w^2/(s^2 + 2 zeta w s + w^2) of their own mounts, likewise
-sensor-saturation   clipped at a level
+sensor-saturation   clipped at a level, likewise
 delay               a late log of the drive
 """
 
@@ -62,10 +62,11 @@ def recorder_faults(problem: ArmProblem) -> list[EffectSpec]:
     seats = sorted({seat for r in problem.arm_runs for seat in r.sensors})
     if seats:
         found.append(gain(put_all, "accelerations times gain", "factor"))
-        found.extend([_ringing(problem, ""), _clipping(problem)])
+        found.extend([_ringing(problem, ""), _clipping(problem, "")])
     if 1 < len(seats) <= MOST_SEATS:
         found.extend(gain(put_one(s), f"times gain, of the accelerometer on {s}", f"factor, {s}") for s in seats)
         found.extend(_ringing(problem, s) for s in seats)
+        found.extend(_clipping(problem, s) for s in seats)
     return found
 
 
@@ -91,20 +92,22 @@ def _ringing(problem: ArmProblem, seat: str) -> EffectSpec:
     return replace(spec, residual_starts=peaks)
 
 
-def _clipping(problem: ArmProblem) -> EffectSpec:
+def _clipping(problem: ArmProblem, seat: str) -> EffectSpec:
     peak = max(
         float(np.max(np.abs(o.data)))
         for r in problem.arm_runs
         for o, p in zip(r.outputs, r.probes, strict=True)
-        if p >= 0 and o.data.size
+        if p >= 0 and o.data.size and seat in ("", r.sensors[p])
     )
 
     def put(assembly: ArmAssembly, values: Values) -> None:
-        assembly.level = values[0]
+        if math.isfinite(values[0]):
+            assembly.levels[seat] = values[0]
 
+    variant, of_one = ("clip, " + seat, f", of the accelerometer on {seat}") if seat else ("clip", "")
     return arm_law(
-        "sensor-saturation", "acquisition", None, "clip", "sensor-gain",
+        "sensor-saturation", "acquisition", None, variant, "sensor-gain",
         (ParameterSpec("level", "m/s^2", 0.01 * peak, 1.5 * peak, log=True, null=math.inf),), put,
-        "clip(y, +-level)", (0.97 * peak, 0.75 * peak, 0.45 * peak), ((),), ("hammer", "torque-sweep"),
+        "clip(y, +-level)" + of_one, (0.97 * peak, 0.75 * peak, 0.45 * peak), ((),), ("hammer", "torque-sweep"),
         ("stiffness-nonlinearity",),
     )  # fmt: skip

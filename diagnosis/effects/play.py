@@ -156,7 +156,11 @@ SPECS: tuple[EffectSpec, ...] = tuple(
             "softplus",
             "K x + c x'^fade, x = s_+ - s_-, s_+- = w ln(1 + exp((+-Delta - gap/2)/w)), w = corner gap/2",
             _softplus,
-            (_GAP, ParameterSpec("corner", "1", 0.01, SOFTEST_END, log=True), ParameterSpec("fade", "1", 0.0, 3.0)),
+            (
+                _GAP,
+                ParameterSpec("corner", "1", 0.01, SOFTEST_END, log=True),
+                ParameterSpec("fade", "1", 0.0, 3.0),
+            ),
             lambda problem: ((0.2, 1.0),),
             (),
         ),

@@ -5,6 +5,7 @@ r"""Physics that the diagnosis contract's table does not hold, and that one of i
     motor held by a brake that slips above a torque       hits only
     tau = eta n T_e (1 - s h), t h' = (T_e/T_0)^2 - h     a torque constant that falls as the motor warms within a run
     tau - c exp(-E/t) q_s', E' = (q_s'/v_0)^2             grease that thins as it is worked, cold where a run begins
+    -k d (1 - a + a d^2/w^2) on the arm, d = q - q_0              hoses and cables beside the joint, straight between nine nodes
 
 They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
 have no counterpart in the MuJoCo model.
@@ -18,8 +19,11 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.effects.latent import node_range
 from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, OUTPUT_ORDER, PHASE, TURNED, possible_line
 from jointscope.diagnosis.effects.postures import APART
 from jointscope.diagnosis.effects.spec import (
@@ -31,6 +35,7 @@ from jointscope.diagnosis.effects.spec import (
     needs_motor,
     needs_motor_torque,
     needs_spring,
+    needs_travel,
     one_start,
 )
 
@@ -86,6 +91,34 @@ def _turned_through(*, per_output: bool) -> Possible:
         return needs_spring(problem) if per_output and met else in_motion(problem)
 
     return possible
+
+
+def _dressed(assembly: Assembly, values: Values, weight: float) -> None:
+    low, high = node_range(assembly.problem, "load", "angle")
+    P, S, (stiffness, taut, rest) = assembly.P, assembly.S, values
+    P[kernel.TABLE_LOW], P[kernel.TABLE_STEP] = low, (high - low) / (kernel.N_NODES - 1)
+    turned = np.linspace(low, high, kernel.N_NODES) - rest
+    growing = 1.0 - taut + taut * (turned / _half_travel(assembly.problem)) ** 2
+    P[kernel.TABLE_0 : kernel.TABLE_0 + kernel.N_NODES] = -stiffness * turned * growing
+    S[kernel.TABLE_SITE], S[kernel.TABLE_OF] = kernel.AT_LOAD, kernel.OF_ANGLE
+
+
+def _half_travel(problem: Problem) -> float:
+    return max(0.5 * (problem.scales.angle_high - problem.scales.angle_low), 1e-9)
+
+
+def _dress_sizes(problem: Problem) -> tuple[float, float, float]:
+    unit = problem.scales.motor_torque / _half_travel(problem)
+    return 0.005 * unit, 0.03 * unit, 0.15 * unit
+
+
+def _at_rest(problem: Problem) -> tuple[tuple[float, float], ...]:
+    starts = sorted({round(run.initial_angle, 3) for run in problem.runs})
+    return tuple((taut, angle) for angle in (starts[0], starts[-1])[: len(starts)] for taut in (0.0, 0.8))
+
+
+def _needs_driven_travel(problem: Problem) -> str | None:
+    return needs_travel(problem) or needs_motor_torque(problem)
 
 
 def _needs_runs_of_torque(problem: Problem) -> str | None:
@@ -191,6 +224,24 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=_cold_sizes,
         starts=lambda problem: tuple((time,) for time in THINS),
         possible=_needs_followed_motions,
+    ),
+    EffectSpec(
+        name="dress-pack",
+        location="load",
+        variant="to-ground",
+        family="external",
+        parameters=(
+            ParameterSpec("stiffness", "N m/rad", -1e12, 1e12, null=0.0),
+            ParameterSpec("taut", "1", -1.0, 1.5),
+            ParameterSpec("rest", "rad", -20.0, 20.0),
+        ),
+        law="hoses or cables that pull the arm to where they hang free, k d (1 - taut + taut (d/w)^2), w the half travel",
+        revealed_by=("speed-motion",),
+        look_alikes=("gravity", "end-stop"),
+        apply=_dressed,
+        scale=_dress_sizes,
+        starts=_at_rest,
+        possible=_needs_driven_travel,
     ),
     EffectSpec(
         name="brake-slip",

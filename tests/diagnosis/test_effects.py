@@ -389,3 +389,19 @@ def test_cold_grease_drags_less_the_more_it_was_worked(speed):
     problem = SimpleNamespace(scales=SimpleNamespace(motor_speed=2.0))
     drag = cold_drag(SimpleNamespace(run=run, problem=problem, chain=SimpleNamespace(thinning=(c, T))))
     np.testing.assert_allclose(drag, c * np.exp(-(v**2) * t / T) * v, rtol=1e-3)
+
+
+def test_a_dress_pack_pulls_by_a_spring_and_its_cube():
+    """At the table's nodes exactly; nothing where it hangs free, and as much to either side."""
+    spec = next(s for s in STRANGERS if s.name == "dress-pack")
+    scales = SimpleNamespace(angle_low=-0.4, angle_high=0.6)
+    packed = SimpleNamespace(P=np.zeros(k.N_P), S=np.zeros(k.N_S, dtype=np.int64))
+    packed.problem = SimpleNamespace(scales=scales)
+    spec.apply(packed, (12.0, 0.3, 0.1), 0.0)
+    turned = np.linspace(-0.4, 0.6, k.N_NODES)
+    found = np.array([k.tabled(packed.P, angle) for angle in turned])
+    np.testing.assert_allclose(
+        found, -12.0 * (turned - 0.1) * (0.7 + 0.3 * (2.0 * (turned - 0.1)) ** 2), atol=1e-12
+    )
+    assert found[k.N_NODES // 2] == pytest.approx(0.0, abs=1e-12)
+    assert found[::-1] == pytest.approx(-found)

@@ -52,3 +52,12 @@ def test_what_clips_is_flat_beyond_its_level_and_untouched_below(swept):
     plain, clipped = read(swept), read(swept, ActiveEffect(law(swept, "clip"), (level,)))
     for y, z, probe in zip(plain, clipped, swept.arm_runs[0].probes, strict=True):
         assert np.array_equal(z, y if probe < 0 else np.clip(y, -level, level))
+
+
+def test_one_accelerometer_clips_and_the_other_does_not(swept):
+    seat, _ = sorted({s for r in swept.arm_runs for s in r.sensors})
+    level = 0.5 * max(float(np.max(np.abs(y))) for y in read(swept)[1:])
+    plain, clipped = read(swept), read(swept, ActiveEffect(law(swept, f"clip, {seat}"), (level,)))
+    for y, z, probe in zip(plain, clipped, swept.arm_runs[0].probes, strict=True):
+        own = probe >= 0 and swept.arm_runs[0].sensors[probe] == seat
+        assert np.array_equal(z, np.clip(y, -level, level) if own else y)
