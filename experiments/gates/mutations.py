@@ -217,14 +217,6 @@ MUTATIONS = (
         group="diagnosis",
         reuse=("plain", "hardening", "arm-sweeps", "arm-diagnosis"),
     ),
-    Mutation(
-        what="a joint's parameters a two-hundredth too large, in the diagnosis of an arm",
-        file="diagnosis/arm/predict.py",
-        old="P[:n, column] = theta[problem.place(name, 0) :][:n]",
-        new="P[:n, column] = 1.005 * theta[problem.place(name, 0) :][:n]",
-        group="diagnosis",
-        reuse=("plain", "hardening", "hardening-diagnosis", "arm-sweeps"),
-    ),
 )
 
 
