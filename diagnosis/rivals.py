@@ -19,6 +19,7 @@ from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.friction import falling_about
 from jointscope.diagnosis.effects.periodic import PHASES, counted_alike, slower_lines, turn_of
+from jointscope.diagnosis.freer import FREER
 from jointscope.diagnosis.refit import Fit, unspent
 from jointscope.diagnosis.screen import Trial, best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -42,38 +43,6 @@ STUCK = 300.0  # nats behind a leader of the same names, from which on another l
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
 )
-_CARRIERS = ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned")
-FREER = {  # by variant, the laws of more parameters that start where it was found
-    "turning-mount": _CARRIERS,
-    "sliding-mount": _CARRIERS[1:],
-    "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
-    "rounded": ("rounded-asymmetric", "rounded-algebraic"),
-    "rounded-asymmetric": ("rounded-algebraic",),
-    "dahl": ("bouc-wen-shaped", "slip-spread"),
-    "bouc-wen": ("bouc-wen-shaped", "slip-spread"),
-    "maxwell-slip": ("slip-spread",),
-    **dict.fromkeys(("free-flight", "damped", "sheds"), ("cushioned", "hyperbolic", "softplus", "impact")),
-    "hyperbolic": ("softplus",),
-    "plain": ("presliding",),
-    "presliding": ("presliding-asymmetric", "presliding-damped", "presliding-shaped"),
-    "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
-    # of as many, but from a lag of the wrong order the next effect is missed
-    "first-order": ("second-order", "magnitude-optimum"),
-    "second-order": ("first-order", "magnitude-optimum"),
-    **dict.fromkeys(("cubic", "piecewise"), ("piecewise-cubic", "power")),
-    "elbow": ("cantilever",),
-    "mount": ("mount-limited",),
-    "input-side-rounded": ("input-side-quadrants",),
-    "output-side-rounded": ("output-side-quadrants",),
-    "motor-order": (
-        "motor-order-harmonic",
-        "output-order-harmonic",
-        "motor-order-reacting",
-        "motor-order-reacting-harmonic",
-    ),
-    "output-order": ("output-order-harmonic", "output-order-reacting", "output-order-reacting-harmonic"),
-    "cogging": ("cogging-harmonic",),
-}
 
 
 def rivals(

@@ -102,7 +102,7 @@ ELBOW: EffectSpec = replace(
 
 
 def _straight(problem: Problem) -> tuple[Values, ...]:
-    """One start, an elbow's: it is found from one, see ``rivals.FREER``."""
+    """One start, an elbow's: it is found from one, see ``freer.FREER``."""
     return tuple((*values, 1.0) for values in _starts(problem)[:1])
 
 
