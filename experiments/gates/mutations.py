@@ -217,6 +217,14 @@ MUTATIONS = (
         group="diagnosis",
         reuse=("plain", "hardening", "arm-sweeps", "arm-diagnosis"),
     ),
+    Mutation(
+        what="springs a two-hundredth too stiff beside the rotor that sets the scale, in the diagnosis of an arm",
+        file="diagnosis/arm/predict.py",
+        old="P[:, kernel.STRIBECK_SPEED] = P[:, kernel.SOFT_WIDTH] = 1.0\n",
+        new="P[:, kernel.STRIBECK_SPEED] = P[:, kernel.SOFT_WIDTH] = 1.0\n    P[:, kernel.STIFFNESS] *= 1.005\n",
+        group="diagnosis",
+        reuse=("plain", "hardening", "hardening-diagnosis", "arm-sweeps"),
+    ),
 )
 
 
