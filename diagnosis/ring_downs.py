@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.base import representative
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.objective import whitened
@@ -39,6 +40,7 @@ GAPS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6)  # of the largest wind-up
 DEPTHS = (0.15, 0.5)  # of the gap, over which rounded flanks give way
 LAWS = 3  # fitted to whole runs ...
 AS_NEAR = 1.5  # ... if their misfit over the first periods is no more than this times the least
+HITS = 6  # that are followed; all count once whole runs are fitted
 TRIED = 4  # starts fitted to the first window
 SHARP, ROUND = (
     1e-3,
@@ -65,19 +67,28 @@ def ring_downs(stage: Stage, objective: Objective, base: Fit, specs: Sequence[Ef
         return []
     hit, noise = replace(stage.objective, runs=hits, whiteners=()), stage.noise
     theta, _ = base.coordinates.unpack(base.x)
-    begun = sorted((_first(hit, noise, theta, spec) for spec in laws), key=lambda fit: fit.chi2)
+    begun = sorted((over_first_periods(hit, noise, theta, spec) for spec in laws), key=lambda fit: fit.chi2)
     near = [fit for fit in begun[:LAWS] if fit.chi2 < AS_NEAR * begun[0].chi2]
     return over_whole(hit, noise, objective, base, near)
 
 
 def struck_on_the_brake(stage: Stage) -> tuple[int, ...]:
-    """The fitted runs in which a held joint was hit."""
-    runs = stage.objective.problem.runs
-    return tuple(i for i in stage.objective.runs if runs[i].mode == "braked" and runs[i].load is not None)
+    """The fitted runs in which a held joint was hit; a few of every level where there are many."""
+    problem = stage.objective.problem
+    struck = (i for i in stage.objective.runs if problem.runs[i].load is not None)
+    held = tuple(i for i in struck if problem.runs[i].mode == "braked")
+    return representative(problem, held, HITS, HITS)
 
 
-def _first(hit: Objective, noise: NoiseModel, theta: np.ndarray, spec: EffectSpec) -> Fit:
-    """The law over the first periods, from the best of a grid."""
+def over_first_periods(hit: Objective, noise: NoiseModel, theta: np.ndarray, spec: EffectSpec) -> Fit:
+    """The law fitted to the first periods after each hit, from the best of a grid.
+
+    Args:
+        hit: The hits, not whitened.
+        noise: Beside the base.
+        theta: Parameters of the base.
+        spec: A law of play.
+    """
     near = within(hit, noise, FIRST[0])
     where = coarse(coordinates(near.problem, (spec,)))
     return over_first(hit, noise, near, where, _starts(near, theta, spec, where))

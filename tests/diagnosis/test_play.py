@@ -17,7 +17,7 @@ from jointscope.diagnosis.bent_play import bent_play
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.predict import build, predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.ring_downs import ring_downs
+from jointscope.diagnosis.ring_downs import over_first_periods, ring_downs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from packed_joint import KW, packed, run  # type: ignore[import-not-found]
@@ -167,16 +167,24 @@ def level(builders, gap, depth, flanks, noise):
 
 
 def test_a_gap_is_found_from_hits_that_begin_on_either_flank(builders):
-    """Within 12 %, where the base is off by most of the signal; the rounded law leads the sharp ones."""
+    """Within 3 % over the first periods, where the base is off by most of the signal; the rounded law leads the sharp ones.
+
+    Over whole ring-downs the flanks, which pull and of which the law's don't, add up to a gap that is 14 % small.
+    """
     gap, depth = 4e-5, 1.5e-5
     problem = level(builders, gap, depth, (1, -1, -1, 1), 0.01)
     with ThreadPoolExecutor(2) as pool:
         stage = refit_base(problem, predict_outputs, tuple(range(len(problem.runs))), pool)
+        (law,) = (spec for spec in catalogue(problem) if (spec.name, spec.variant) == ("backlash", "rounded"))
+        base, _ = stage.fit.coordinates.unpack(stage.fit.x)
+        begun = over_first_periods(replace(stage.objective, whiteners=()), stage.noise, base, law)
         found = ring_downs(stage, stage.objective, stage.fit, catalogue(problem))
     best = min(found, key=lambda h: h.fit.chi2)
+    assert [spec.variant for spec in best.specs] == ["rounded"]
+    theta, (active,) = begun.coordinates.unpack(begun.x)
+    assert active.values[0] == pytest.approx(gap, rel=0.03)
     theta, (active,) = best.fit.coordinates.unpack(best.fit.x)
-    assert active.spec.variant == "rounded"
-    assert active.values[0] == pytest.approx(gap, rel=0.12)
+    assert active.values[0] == pytest.approx(gap, rel=0.16)
     assert theta[problem.base.names.index("stiffness")] == pytest.approx(1.9e5, rel=0.03)
     assert best.fit.chi2 < 0.15 * stage.fit.chi2
 
