@@ -36,6 +36,7 @@ BASE_NAMES = (
     "drive_acceleration",
     "drive_velocity",
     "drive_limit",
+    "drive_trust",
 )
 BASE_INDEX = {name: index for index, name in enumerate(BASE_NAMES)}
 
@@ -266,7 +267,8 @@ def close_loop(assembly: Assembly) -> None:
     """Let the drive's speed law hold the rigid body; a logged torque stays the input above the drift it would cause.
 
     The law is identified, the torque measured: what is left out of the law (a filter, a limit, a loop around it) must not
-    stand for what is left out of the joint.
+    stand for what is left out of the joint. A law that accounts for the whole log (``drive_trust`` = 1) is the drive: then it
+    answers what the model does, as the drive would, where a torque replayed pushes a ripple or a friction out of step.
     """
     P, S, run = assembly.P, assembly.S, assembly.run
     S[kernel.AT_LOOP] = S[kernel.N_X]
@@ -276,7 +278,8 @@ def close_loop(assembly: Assembly) -> None:
     P[kernel.LOOP_P] = gain
     P[kernel.LOOP_I] = factor * assembly.base("drive_integral")
     total = P[kernel.J_M] + P[kernel.J_L]
-    P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else min(1.0, total * 2.0 * math.pi * COMMAND_HZ / gain)
+    least = min(1.0, total * 2.0 * math.pi * COMMAND_HZ / gain)
+    P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else max(least, assembly.base("drive_trust"))
     if assembly.base("drive_limit") > 0.0:
         P[kernel.LOOP_LIMIT] = factor * assembly.base("drive_limit")
 

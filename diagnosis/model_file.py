@@ -114,7 +114,7 @@ def read_model_json(
         )
     known = {entry.name for entry in fields(Nameplate)}
     rig = Nameplate(**{key: value for key, value in model["rig"].items() if key in known})
-    base = model["base"]
+    base = {"drive_trust": 0.0, **model["base"]}  # which files of earlier versions don't have
     missing = [name for name in problem.base.names if name not in base]
     if missing:
         raise RefusedError(f"model.json: base.{missing[0]} is missing; diagnose the campaign again")

@@ -90,6 +90,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "drive_acceleration": 0.0,
         "drive_velocity": 0.0,
         "drive_limit": 0.0,
+        "drive_trust": 0.0,
     }
     free = {
         "stiffness": springs,
@@ -202,6 +203,7 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
         "drive_acceleration": b["motor_inertia"] + b["load_inertia"],
         "drive_velocity": b["drive_gain"],
         "drive_limit": max(largest, 1e-12),
+        "drive_trust": 1.0,
     }
     scales = np.array([scale[name] for name in BASE_NAMES])
     lower, upper = np.zeros(scales.size), np.full(scales.size, np.inf)

@@ -16,6 +16,7 @@ from jointscope.diagnosis.sizes import unit_scales
 from jointscope.diagnosis.starts import finished
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign
+from jointscope.recordings.wild import tamed
 from jointscope.recordings.zeroed import zeroed
 
 __all__ = [
@@ -42,6 +43,7 @@ def prepare(campaign: Campaign) -> Problem:
         raise RefusedError(
             f"{campaign.path}: topology = 'arm': diagnosis needs one joint's runs; export them as a two-inertia campaign"
         )
+    campaign, wild = tamed(campaign)
     campaign, offsets = zeroed(campaign)
     runs = _prepared(campaign, None)
     if not runs:
@@ -54,7 +56,7 @@ def prepare(campaign: Campaign) -> Problem:
     drive = () if law is None else (law.finding(),)
     if law is not None and law.credible:
         problem = finished(campaign, _prepared(campaign, law), law)
-    return replace(problem, findings=(*offsets, *problem.findings, *drive, *_repeating(problem)))
+    return replace(problem, findings=(*wild, *offsets, *problem.findings, *drive, *_repeating(problem)))
 
 
 def _repeating(problem: Problem) -> tuple[str, ...]:

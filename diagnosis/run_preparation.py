@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,15 +191,30 @@ def _observed(recorded: list[Signal], rig: Nameplate, run: Run) -> Observed | No
             n = gearing(quantity, location, rig.reduction_ratio or 1.0)
             speed = quantity in ("angular-velocity", "velocity")
             samples = np.asarray(signal.samples, dtype=np.float64) / n
+            side: Literal["motor", "arm"] = (
+                "motor" if location == "motor" and rig.topology == "two-inertia" else "arm"
+            )
             if not speed:
                 samples = samples - _first(samples) + run.arm_angle
+            elif side == "motor" and run.initial == "rest":
+                samples, speed = turned(samples, signal.sampling_rate, run.arm_angle), False
             return Observed(
-                "motor" if location == "motor" and rig.topology == "two-inertia" else "arm",
+                side,
                 speed,
                 bandlimited(samples, signal.sampling_rate, signal.stream.start),
                 signal.device,
             )
     return None
+
+
+def turned(speed: Vector, rate: float, start: float) -> Vector:
+    """The angle that a speed [rad/s] recorded at ``rate`` [Hz] adds up to from ``start`` [rad], shape (n,).
+
+    What an observer of the speed alone lets go, a torque that is off by a little, is a speed, and an angle that runs away:
+    a ripple's phase with it. What a record's noise adds up to is less by far.
+    """
+    steps = 0.5 * (speed[1:] + speed[:-1]) / rate
+    return start + np.concatenate([[0.0], np.cumsum(bridged(steps))])
 
 
 def _first(samples: Vector) -> float:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
+TRUSTED = 0.05  # of the torque's rms that a drive's law may leave, below which it is the drive
 _SLOW = 6.0  # Hz; drives and friction move the rigid body below it, the joint's resonance lies above
 
 
@@ -250,6 +251,7 @@ def _with_drive(base: BaseSpec, runs: tuple[PreparedRun, ...], drive: Drive | No
         "drive_acceleration": drive.acceleration_feedforward * n * n,
         "drive_velocity": drive.velocity_feedforward * n * n,
         "drive_limit": 0.0 if drive.torque_limit is None else drive.torque_limit * n,
+        "drive_trust": 1.0 if drive.lacking < TRUSTED else 0.0,
     }
     for name, value in law.items():
         start[BASE_INDEX[name]] = value

@@ -12,15 +12,14 @@ import numpy as np
 from jointscope.diagnosis.absence import of_its_own
 from jointscope.diagnosis.adequacy import EXCESS, Adequacy, adequacy
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare, differences, score, standing
-from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.constancy import CHANGES, Change
 from jointscope.diagnosis.containment import contains, holds, left_open, unowned
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL, Comparison
-from jointscope.diagnosis.noise import ANGULAR, Key
 from jointscope.diagnosis.outside import lead_asked, resembled
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import nested
 from jointscope.diagnosis.twins import foreknown
+from jointscope.diagnosis.unlike_noise import foreseen, grows_with_signal
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.input_scatter import Pushes
@@ -43,7 +42,6 @@ NOT_STANDING = 12.0  # nats taken off a set that fails a gate
 SURE = 0.75  # probability of the leading effect below which it is not named alone
 SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in for a look-alike
 FORESEEN = 4.0  # times an error's innovation, above which it is no noise
-MATTERS = 0.02  # of the signal's rms, below which an error's colour says nothing
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
 BY_FORM = 0.001  # of a score: what a third effect adds, or still follows the input, is less than laws are off by
 BY_FIRST = 1e-4  # the same of a second effect: the first one's law is right to a hundredth of its size at best
@@ -51,8 +49,6 @@ LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven 
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...
 NEARLY_ALL = 0.9  # ... unless it explains this of the mismatch's energy
-MOSTLY = 0.5  # error over signal, beyond which a record is noise for the most part
-WHITE = 2.0  # times its innovation, below which noise is about white
 EXPLAINED = 0.6  # of the mismatch's energy, below which the best candidate is no answer (45 named: at least 0.73)
 TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
@@ -215,38 +211,6 @@ def _pushed(judgement: Judgement, judged: Judged) -> list[Pushes | None]:
         *judgement.objective.pushes(theta, effects, judged.predictions),
         *judgement.held.pushes(theta, effects, judged.predictions_held),
     ]
-
-
-def _error_sizes(fit: Adequacy) -> dict[Key, float]:
-    """Error of the base over the signal, both rms, per kind of channel [-]."""
-    return {block.key: math.sqrt(max(block.base, 0.0)) for block in fit.blocks}
-
-
-def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
-    """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent.
-
-    A record that is noise for the most part has an envelope of noise, and says nothing of it where that noise is white.
-    """
-    sizes, blocks = _error_sizes(fit), judgement.noise.blocks.items()
-    return max(
-        (
-            n.kappa
-            for key, n in blocks
-            if key[2] in ACCELERATIONS and (sizes.get(key, 0.0) < MOSTLY or n.marginal > WHITE * n.sigma)
-        ),
-        default=0.0,
-    )
-
-
-def foreseen(judgement: Judgement, fit: Adequacy) -> float:
-    """Size of a channel's error over that of what its own past does not foretell, where the error matters [-].
-
-    An instrument's noise is nearly as large as its innovation (1.7 times at most on 40 nulls); what a model leaves out
-    repeats itself from sample to sample. So does an angle, which integrates whatever noise its torque has.
-    """
-    sizes, blocks = _error_sizes(fit), judgement.noise.blocks.items()
-    told = [n for key, n in blocks if key[2] not in ANGULAR and sizes.get(key, 0.0) > MATTERS]
-    return max((n.marginal / n.sigma for n in told), default=0.0)
 
 
 def _acts_elsewhere(judgement: Judgement, top: Ranked, fit: Adequacy) -> bool:

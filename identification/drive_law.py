@@ -45,6 +45,12 @@ class Drive:
         """RMS of the torque that neither the law nor the log's noise accounts for [N m]."""
         return math.sqrt(max(self.residual**2 - 1.5 * self.log_noise**2, 0.0))
 
+    @property
+    def lacking(self) -> float:
+        """The same over the torque's own rms about its mean [-]."""
+        unlike = math.sqrt(max(1.0 - self.explained, 0.0))
+        return unlike * self.unexplained / self.residual if self.residual > 0.0 else 0.0
+
     def to_json(self) -> dict[str, Any]:
         """As ``model.json`` keeps it under ``drive``."""
         units = ("N m s/rad", "N m/rad", "kg m^2", "N m s/rad")

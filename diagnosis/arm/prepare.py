@@ -20,6 +20,7 @@ from jointscope.diagnosis.problem import BaseSpec
 from jointscope.diagnosis.sizes import unit_scales
 from jointscope.errors import RefusedError
 from jointscope.recordings.campaign import Campaign
+from jointscope.recordings.wild import tamed
 from jointscope.recordings.zeroed import zeroed
 
 Vector = NDArray[np.float64]
@@ -40,8 +41,9 @@ def prepare_arm(campaign: Campaign) -> ArmProblem:
     """
     facts = arm_facts(campaign)
     runs: list[ArmRun] = []
+    campaign, wild = tamed(campaign)
     campaign, offsets = zeroed(campaign)
-    findings = list(offsets)
+    findings = [*wild, *offsets]
     for run in campaign.runs:
         made = arm_run(run, campaign.rig, facts, len(runs))
         if made is not None:

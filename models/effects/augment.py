@@ -152,5 +152,8 @@ def drive_numbers(model: Mapping[str, Any], base: Mapping[str, float]) -> dict[s
         "acceleration_feedforward": float(base.get("drive_acceleration") or 0.0) / n**2,
         "velocity_feedforward": float(base.get("drive_velocity") or 0.0) / n**2,
         "torque_limit": limit / n if 0.0 < limit < math.inf else None,
-        "share": min(1.0, total * 2.0 * math.pi * DRIFT_HZ / (abs(base["efficiency"]) * gain)),
+        "share": max(
+            min(1.0, total * 2.0 * math.pi * DRIFT_HZ / (abs(base["efficiency"]) * gain)),
+            float(base.get("drive_trust") or 0.0),
+        ),
     }
