@@ -73,7 +73,7 @@ def driven_torque(assembly: Assembly) -> Vector:
     for time_constant in chain.lags:
         torque = lagged(torque, time_constant, 2.0 * run.grid_rate)
     if chain.loop > 0.0:
-        torque = looped(torque, chain.loop, 2.0 * run.grid_rate)
+        torque = looped(torque, chain.loop, 2.0 * run.grid_rate, chain.loop_damping)
     factor = assembly.base("efficiency") * assembly.base("torque_scale") * chain.torque_gain
     if chain.heat[0] != 0.0:
         torque = heated(torque, 0.5 * assembly.problem.scales.motor_torque, *chain.heat, 2.0 * run.grid_rate)
@@ -124,12 +124,13 @@ def lagged(u: Vector, time_constant: float, rate: float) -> Vector:
     return np.asarray(u[0] + lfilter([b1, b0], [1.0, -decay], u - u[0]), dtype=np.float64)
 
 
-def looped(u: Vector, time_constant: float, rate: float) -> Vector:
-    """1/(1 + s t + (s t)^2/2), exact for an input that is linear between samples; settled at the first; shape of ``u``.
+def looped(u: Vector, time_constant: float, rate: float, damping: float = math.sqrt(0.5)) -> Vector:
+    """1/(1 + s t + (s t / 2 zeta)^2), exact for an input that is linear between samples; settled at the first; shape of ``u``.
 
-    The closed current loop after Kessler's magnitude optimum, t twice the sum of its small delays.
+    A closed current loop; after Kessler's magnitude optimum zeta^2 = 1/2, and t is twice the sum of its small delays.
     """
-    system = ([2.0 / time_constant**2], [1.0, 2.0 / time_constant, 2.0 / time_constant**2])
+    squared = (2.0 * damping / time_constant) ** 2
+    system = ([squared], [1.0, squared * time_constant, squared])
     b, a, _ = cont2discrete(system, 1.0 / rate, method="foh")
     return np.asarray(u[0] + lfilter(b.ravel(), a.ravel(), u - u[0]), dtype=np.float64)
 

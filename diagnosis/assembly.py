@@ -95,7 +95,8 @@ class Chain:
             time constant of that [s].
         thinning: What cold grease drags more [N m s/rad], and the time after which a third of it is left [s].
         lags: Time constants of the stages through which the torque follows the logged one [s].
-        loop: Time constant of a current loop tuned to the magnitude optimum [s], 0 without.
+        loop: Time constant of a current loop of the second order [s], 0 without.
+        loop_damping: Its damping ratio [-], that of the magnitude optimum where no law says otherwise.
         log_rate: Rate at which the torque log was held or averaged [Hz], ``inf`` without.
         log_kind: ``"held"``, ``"seen-held"``, ``"averaged"``, ``"averaged-held"``, ``"aliased"`` or
             ``"folded"``.
@@ -116,6 +117,7 @@ class Chain:
     thinning: tuple[float, float] = (0.0, 1.0)
     lags: tuple[float, ...] = ()
     loop: float = 0.0
+    loop_damping: float = math.sqrt(0.5)
     log_rate: float = math.inf
     log_kind: str = "averaged"
     log_age: float = 0.0

@@ -1,7 +1,7 @@
 r"""Between the logged torque and the shaft: the current loop's lag, and a torque constant or efficiency that is off.
 
     tau = eta n T_e / (1 + s tau_e)          drive-lag, or two such stages of half the time
-    tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)     a current loop tuned to the magnitude optimum
+    tau = eta n T_e / (1 + s tau_e + (s tau_e / 2 zeta)^2)     a current loop, tuned to the magnitude optimum: zeta^2 = 1/2
     tau = gain eta n T_e                     torque-gain
 
 Facts used as tests: the lag's gain is 1/sqrt(1 + (w tau_e)^2), a gain scales a linear response exactly.
@@ -39,6 +39,11 @@ def _lag(stages: int) -> Apply:
 def _loop(assembly: Assembly, values: Values, weight: float) -> None:
     if values[0] > 0.0:
         assembly.chain.loop = values[0]
+
+
+def _damped_loop(assembly: Assembly, values: Values, weight: float) -> None:
+    _loop(assembly, values, weight)
+    assembly.chain.loop_damping = values[1]
 
 
 def _gain(assembly: Assembly, values: Values, weight: float) -> None:
@@ -89,6 +94,25 @@ SPECS: tuple[EffectSpec, ...] = (
             ("second-order", _lag(2), "tau = eta n T_e / (1 + s tau_e/2)^2"),
             ("magnitude-optimum", _loop, "tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)"),
         )
+    ),
+    EffectSpec(
+        name="drive-lag",
+        location="motor",
+        variant="damped-loop",
+        family="input",
+        parameters=(
+            ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),
+            ParameterSpec("damping", "1", 0.3, 3.0, log=True),
+        ),
+        law="tau = eta n T_e / (1 + s tau_e + (s tau_e / 2 damping)^2)",
+        revealed_by=("torque-sweep", "speed-motion"),
+        look_alikes=("delay", "torque-logging", "sensor-resonance"),
+        apply=_damped_loop,
+        scale=lambda problem: (1e-4, 5e-4, 2e-3),
+        starts=lambda problem: ((0.85,),),
+        holds=("torque_age",),
+        sensible=lasts,
+        possible=_lag_possible,
     ),
     EffectSpec(
         name="torque-gain",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 
 from jointscope.models.effects.building import Building, Parameters
@@ -9,9 +11,11 @@ from jointscope.models.effects.transmission import lines_of
 
 
 def lag(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """tau = eta n T_e / (1 + s tau_e), from the logged torque, two such stages of half the time, or a tuned loop."""
-    if variant == "magnitude-optimum":
-        building.law("drive-lag", time_constant=p["time_constant"], form=variant)
+    """tau = eta n T_e / (1 + s tau_e), of the logged torque, two stages of half the time, or a second-order loop."""
+    if variant in ("magnitude-optimum", "damped-loop"):
+        building.law(
+            "drive-lag", time_constant=p["time_constant"], damping=p.get("damping", math.sqrt(0.5)), form=variant
+        )
         return ""
     stages = 2 if variant == "second-order" else 1
     for _ in range(stages):

@@ -80,8 +80,11 @@ def instruments(laws: Sequence[Law], run: Run, rig: Mapping[str, Any], torque_of
         if at_motor:
             for law in laws:
                 if law["kind"] == "drive-lag":
-                    record = (_looped if law.get("form") == "magnitude-optimum" else _lagged)(
-                        record, float(law["time_constant"])
+                    time_constant = float(law["time_constant"])
+                    record = (
+                        _looped(record, time_constant, float(law["damping"]))
+                        if "damping" in law
+                        else _lagged(record, time_constant)
                     )
             record = _raised(record, torque_offset)
         return record
@@ -158,14 +161,17 @@ def _lagged(record: Record, time_constant: float) -> Record:
     return lagged
 
 
-def _looped(record: Record, time_constant: float) -> Record:
-    """1/(1 + s t + s^2 t^2/2): the real part of twice one of its two complex first-order stages."""
-    stage = 2.0 * time_constant / (2.0 - 2.0j)  # -1/p of the pole p = (-1 + 1j)/t
-    share = (-1.0j / time_constant) * stage  # its residue over -p
+def _looped(record: Record, time_constant: float, damping: float) -> Record:
+    """1/(1 + s t + (s t / 2 zeta)^2): the sum of its two first-order stages, complex where it rings."""
+    apart = 1.0 - 1.0 / complex(damping) ** 2
+    spread = np.sqrt(apart if abs(apart) > 1e-6 else 1e-6 + 0.0j)  # of a double pole, two that are nearly one
+    p, q = (2.0 * damping**2 / time_constant * (-1.0 + side * spread) for side in (1.0, -1.0))
 
     def looped(times: Real, derivative: int = 0) -> Real:
         u = record(times, derivative)
-        return np.asarray(u[0] + 2.0 * (share * _delayed(u - u[0], times, stage)).real, dtype=np.float64)
+        v = u - u[0]
+        stages = q / (q - p) * _delayed(v, times, -1.0 / p) + p / (p - q) * _delayed(v, times, -1.0 / q)
+        return np.asarray(u[0] + stages.real, dtype=np.float64)
 
     return looped
 

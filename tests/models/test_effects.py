@@ -97,6 +97,8 @@ CATALOGUE = [
     ("torque-ripple", "motor", "load-proportional", {"share": 0.05, "order": 6.0, "phase": 0.3}, "share", 0.0),
     ("drive-lag", "motor", "first-order", {"time_constant": 1e-3}, "time_constant", 0.0),
     ("drive-lag", "motor", "magnitude-optimum", {"time_constant": 1e-3}, "time_constant", 0.0),
+    *(("drive-lag", "motor", "damped-loop", {"time_constant": 1e-3, "damping": zeta}, "time_constant", 0.0)
+      for zeta in (0.5, 1.0, 1.6)),
     ("torque-gain", "motor", "constant", {"gain": 1.1}, "gain", 1.0),
     ("gravity", "load", "level", {"moment": -12.0}, "moment", 0.0),
     ("gravity", "load", "inclined", {"moment": 12.0, "phase": 1.0}, "moment", 0.0),
