@@ -334,7 +334,8 @@ def test_a_force_without_a_name_takes_evidence(monkeypatch, gain, held, foretold
 def test_an_envelope_of_noise_says_nothing_of_the_model(error, innovation, grows):
     key = ("speed-motion", False, "linear-acceleration", "arm", "tangential", 0.8, 1024.0)
     noise = SimpleNamespace(kappa=0.68, marginal=1.0, sigma=innovation)
-    judgement = SimpleNamespace(noise=SimpleNamespace(blocks={key: noise}))
+    nothing = SimpleNamespace(prepared=()), SimpleNamespace(predictions=())
+    judgement = SimpleNamespace(noise=SimpleNamespace(blocks={key: noise}), objective=nothing[0], base=nothing[1])
     fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, base=error**2),))
     assert verdict.grows_with_signal(judgement, fit) == grows
 

@@ -1,10 +1,13 @@
 """What is left of hits fades with them where it is a mismatch, and stays where it is noise."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 
 from jointscope.diagnosis.noise import block_key
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.unlike_noise import fades
+from jointscope.diagnosis.unlike_noise import fades, grows_with_signal
 
 
 def hit_and_key(builders):
@@ -29,3 +32,19 @@ def test_noise_as_large_as_the_motion_does_not(builders):
             rng.standard_normal(output.data.size + 7), np.ones(8) / 3.0, "valid"
         )
         assert fades(run, (output.data - noise,)) == set()
+
+
+@pytest.mark.parametrize(("share", "grows"), [(1.6, 0.4), (0.0, 0.0)])
+def test_an_error_as_large_as_a_hit_grows_with_it_where_it_fades(builders, share, grows):
+    """Its innovation is as large as an instrument's noise has: by that alone it would pass for noise."""
+    run, output, key = hit_and_key(builders)
+    rng = np.random.default_rng(11)
+    noise = np.std(output.data) * rng.standard_normal(output.data.size)
+    left = share * output.data if share else noise
+    judgement = SimpleNamespace(
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(kappa=0.4, marginal=1.0, sigma=0.7)}),
+        objective=SimpleNamespace(prepared=(run,)),
+        base=SimpleNamespace(predictions=((output.data - left,),)),
+    )
+    fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, base=0.9**2),))
+    assert grows_with_signal(judgement, fit) == grows
