@@ -196,7 +196,7 @@ def _observed(recorded: list[Signal], rig: Nameplate, run: Run) -> Observed | No
             )
             if not speed:
                 samples = samples - _first(samples) + run.arm_angle
-            elif side == "motor" and run.initial == "rest":
+            elif run.initial == "rest":
                 samples, speed = turned(samples, signal.sampling_rate, run.arm_angle), False
             return Observed(
                 side,
