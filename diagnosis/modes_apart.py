@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.effects.lines import Residuals
     from jointscope.diagnosis.objective import Objective
+    from jointscope.diagnosis.problem import Problem
     from jointscope.diagnosis.refit import Fit
 
 MUCH = 0.1  # of the data's rms, left by the base in the median channel
@@ -35,13 +36,19 @@ BAND = (0.6, 8.0)  # times the joint's resonance
 
 
 def modes_apart(
-    objective: Objective, base: Fit, candidates: Sequence[ActiveEffect], left: Residuals, effort: Effort
+    objective: Objective,
+    base: Fit,
+    candidates: Sequence[ActiveEffect],
+    whole: Problem,
+    left: Residuals,
+    effort: Effort,
 ) -> list[Hypothesis]:
     """The best fit of each plain law of a mode from the highest peaks; none where the base is near the data.
 
     Args:
         candidates: Trials of every law.
-        left: What the base leaves of all runs of the problem.
+        whole: The problem with its runs whole, of which the objective's may be a part.
+        left: What the base leaves of all runs of ``whole``.
     """
     laws = _laws(candidates)
     theta, _ = base.coordinates.unpack(base.x)
@@ -50,7 +57,7 @@ def modes_apart(
         return []
     resonance = objective.problem.scales.frequency
     low, high = (factor * resonance for factor in BAND)
-    peaks = list(spectral_peaks(objective.problem, left, low, high, TRIED, narrow=False))
+    peaks = list(spectral_peaks(whole, left, low, high, TRIED, narrow=False))
     if misfit > MOST:
         peaks.extend(factor * resonance for factor in ABOVE)
     found = []

@@ -314,7 +314,7 @@ def explore(
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
-    singles.extend(modes_apart(first.objective, first.base.fit, candidates, left, effort))
+    singles.extend(modes_apart(first.objective, first.base.fit, candidates, problem, left, effort))
     bends = any(spec.variant == PLAIN.variant for spec in specs)
     if bends:
         singles.extend(bends_beside(first.objective, first.base, effort))

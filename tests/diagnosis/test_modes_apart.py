@@ -1,10 +1,16 @@
 """A bend far from the joint's own resonance is fitted from where most is left; nothing is tried where the base is near."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.modes_apart import modes_apart
+from jointscope.diagnosis.noise import white
+from jointscope.diagnosis.objective import whitened
+from jointscope.diagnosis.opening import up_to
+from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import Effort
 
 NAME = "link-flexibility"
@@ -21,7 +27,7 @@ def bend(problem, share, shape):
 def tried(base_and_trials):
     def made(problem, effects):
         objective, base, left, candidates = base_and_trials(problem, effects)
-        return base, modes_apart(objective, base, candidates, left, Effort())
+        return base, modes_apart(objective, base, candidates, objective.problem, left, Effort())
 
     return made
 
@@ -35,6 +41,18 @@ def test_the_bend_is_found(problem, recorded, tried, shape):
     (law,) = best.fit.coordinates.unpack(best.fit.x)[1]
     assert law.values[0] == pytest.approx(effect.values[0], rel=0.01)
     assert len({id(h.specs[0]) for h in found}) == len(found)
+
+
+def test_a_bend_is_sought_in_whole_runs_where_the_search_has_a_part_of_them(problem, recorded, base_and_trials):
+    """The last run is a sweep: its first two thirds are searched, and what the base leaves is known of all of it."""
+    effect = bend(problem, 0.14, 1.0)
+    objective, base, left, candidates = base_and_trials(recorded(problem, 2e-3, effects=(effect,)), (effect,))
+    whole, last = objective.problem, objective.problem.runs[-1]
+    part = replace(whole, runs=(*whole.runs[:-1], up_to(last, last.t0 + 2.0 * last.steps / last.grid_rate / 3.0)))
+    cut = whitened(replace(objective, problem=part), white(part.runs), None)
+    fit = least_squares(cut, base.coordinates, base.x, iterations=3)
+    found = modes_apart(cut, fit, candidates, whole, left, Effort())
+    assert any(h.specs[0].name == NAME and h.fit.chi2 < 0.1 * fit.chi2 for h in found)
 
 
 def test_what_is_near_the_data_has_no_mode_tried(problem, recorded, tried):
