@@ -16,6 +16,7 @@ from jointscope.diagnosis.inputs import Drive, Log, load_torque, motor_torque, s
 from jointscope.diagnosis.noise import dynamic_level, quantum
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
+from jointscope.diagnosis.turned import turned
 from jointscope.models.parameters import STANDARD_GRAVITY
 from jointscope.recordings.bandlimited import bandlimited, bridged
 from jointscope.recordings.campaign import FORCES, Channel, Nameplate, Run, Signal, gearing
@@ -205,16 +206,6 @@ def _observed(recorded: list[Signal], rig: Nameplate, run: Run) -> Observed | No
                 signal.device,
             )
     return None
-
-
-def turned(speed: Vector, rate: float, start: float) -> Vector:
-    """The angle that a speed [rad/s] recorded at ``rate`` [Hz] adds up to from ``start`` [rad], shape (n,).
-
-    What an observer of the speed alone lets go, a torque that is off by a little, is a speed, and an angle that runs away:
-    a ripple's phase with it. What a record's noise adds up to is less by far.
-    """
-    steps = 0.5 * (speed[1:] + speed[:-1]) / rate
-    return start + np.concatenate([[0.0], np.cumsum(bridged(steps))])
 
 
 def _first(samples: Vector) -> float:

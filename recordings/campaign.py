@@ -6,7 +6,8 @@ scale is unknown, ``unit = "1"``); what the file held is described by the channe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -260,3 +261,13 @@ class Campaign:
     mjcf: str | None = None
     urdf: str | None = None
     joints: tuple[str, ...] = ()
+
+
+def with_channels(run: Run, instead: Mapping[int, Channel]) -> Run:
+    """The run with other channels in the place of some, by ``id`` of those; itself where it has none of them."""
+    if not any(id(c) in instead for stream in run.streams for c in stream.channels):
+        return run
+    streams = tuple(
+        replace(stream, channels=tuple(instead.get(id(c), c) for c in stream.channels)) for stream in run.streams
+    )
+    return replace(run, streams=streams)

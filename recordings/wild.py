@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from jointscope.recordings.campaign import FORCES, Campaign, Channel, Run
+from jointscope.recordings.campaign import FORCES, Campaign, Channel, Run, with_channels
 
 TRACE: Final = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 WIDE: Final = 60  # samples to either side, in which ...
@@ -50,7 +50,7 @@ def tamed(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
         for run, channel, at in found.values()
     )
     bridged = {key: _bridged(channel, at) for key, (_, channel, at) in found.items()}
-    runs = tuple(_with(run, bridged) for run in campaign.runs)
+    runs = tuple(with_channels(run, bridged) for run in campaign.runs)
     return replace(campaign, runs=runs), lines
 
 
@@ -98,12 +98,3 @@ def _bridged(channel: Channel, at: NDArray[np.intp]) -> Channel:
     x[at] = (4.0 * (x[at - 1] + x[at + 1]) - x[at - 2] - x[at + 2]) / 6.0
     x.setflags(write=False)
     return replace(channel, samples=x)
-
-
-def _with(run: Run, bridged: dict[int, Channel]) -> Run:
-    if not any(id(c) in bridged for stream in run.streams for c in stream.channels):
-        return run
-    streams = tuple(
-        replace(stream, channels=tuple(bridged.get(id(c), c) for c in stream.channels)) for stream in run.streams
-    )
-    return replace(run, streams=streams)

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.recordings.campaign import Campaign, Nameplate, Run, Signal
+from jointscope.recordings.campaign import Campaign, Nameplate, Run, Signal, with_channels
 from jointscope.recordings.quality_rest import CERTAIN, at_rest, matters, quiet_level, rest_reading, settles_later
 from jointscope.recordings.units import STANDARD_GRAVITY
 
@@ -147,18 +147,10 @@ def _mean_of(level: Real, error: Real) -> tuple[float, float, bool]:
 
 
 def _without(run: Run, levels: dict[int, float]) -> Run:
-    if not any(id(c) in levels for stream in run.streams for c in stream.channels):
-        return run
-    streams = tuple(
-        replace(
-            stream,
-            channels=tuple(
-                replace(c, samples=c.samples - levels[id(c)], taken_off=levels[id(c)])
-                if id(c) in levels and c.samples is not None
-                else c
-                for c in stream.channels
-            ),
-        )
+    zero = {
+        id(c): replace(c, samples=c.samples - levels[id(c)], taken_off=levels[id(c)])
         for stream in run.streams
-    )
-    return replace(run, streams=streams)
+        for c in stream.channels
+        if id(c) in levels and c.samples is not None
+    }
+    return with_channels(run, zero)

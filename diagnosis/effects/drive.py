@@ -39,11 +39,8 @@ def _lag(stages: int) -> Apply:
 def _loop(assembly: Assembly, values: Values, weight: float) -> None:
     if values[0] > 0.0:
         assembly.chain.loop = values[0]
-
-
-def _damped_loop(assembly: Assembly, values: Values, weight: float) -> None:
-    _loop(assembly, values, weight)
-    assembly.chain.loop_damping = values[1]
+    if len(values) > 1:
+        assembly.chain.loop_damping = values[1]
 
 
 def _gain(assembly: Assembly, values: Values, weight: float) -> None:
@@ -78,41 +75,29 @@ SPECS: tuple[EffectSpec, ...] = (
             location="motor",
             variant=variant,
             family="input",
-            parameters=(ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),),
+            parameters=(ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0), *further),
             law=law,
             revealed_by=("torque-sweep", "speed-motion"),
             look_alikes=("delay", "torque-logging", "sensor-resonance"),
             apply=apply,
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
-            starts=one_start,
+            starts=starts,
             holds=("torque_age",),
             sensible=lasts,
             possible=_lag_possible,
         )
-        for variant, apply, law in (
-            ("first-order", _lag(1), "tau = eta n T_e / (1 + s tau_e)"),
-            ("second-order", _lag(2), "tau = eta n T_e / (1 + s tau_e/2)^2"),
-            ("magnitude-optimum", _loop, "tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)"),
+        for variant, apply, law, further, starts in (
+            ("first-order", _lag(1), "tau = eta n T_e / (1 + s tau_e)", (), one_start),
+            ("second-order", _lag(2), "tau = eta n T_e / (1 + s tau_e/2)^2", (), one_start),
+            ("magnitude-optimum", _loop, "tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)", (), one_start),
+            (
+                "damped-loop",
+                _loop,
+                "tau = eta n T_e / (1 + s tau_e + (s tau_e / 2 damping)^2)",
+                (ParameterSpec("damping", "1", 0.3, 3.0, log=True),),
+                lambda problem: ((0.85,),),
+            ),
         )
-    ),
-    EffectSpec(
-        name="drive-lag",
-        location="motor",
-        variant="damped-loop",
-        family="input",
-        parameters=(
-            ParameterSpec("time_constant", "s", 0.0, 0.02, null=0.0),
-            ParameterSpec("damping", "1", 0.3, 3.0, log=True),
-        ),
-        law="tau = eta n T_e / (1 + s tau_e + (s tau_e / 2 damping)^2)",
-        revealed_by=("torque-sweep", "speed-motion"),
-        look_alikes=("delay", "torque-logging", "sensor-resonance"),
-        apply=_damped_loop,
-        scale=lambda problem: (1e-4, 5e-4, 2e-3),
-        starts=lambda problem: ((0.85,),),
-        holds=("torque_age",),
-        sensible=lasts,
-        possible=_lag_possible,
     ),
     EffectSpec(
         name="torque-gain",

@@ -9,7 +9,7 @@ from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import close_loop
 from jointscope.diagnosis.predict import build, integrate
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.run_preparation import turned
+from jointscope.diagnosis.turned import turned
 from jointscope.identification.drive_law import Drive
 
 
