@@ -67,6 +67,7 @@ RATTLES = 50.0  # ... and nats that it must in any case: a play that gains less 
 BENT, BENDS = "stiffness-nonlinearity@transmission", ("cubic", "piecewise", "smooth")
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
+HOPES = 6  # effects, the first law of each, of which one must be worth building upon
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
 
 
@@ -171,6 +172,12 @@ def _promising(
     parents, children = (error_energies(runs, y, coloured.whiteners) for y in (before, after))
     material, _, _ = improvement(parents, parents, children, {})
     return gain > PROMISING * _added(child, parent) and material > MATERIAL
+
+
+def _first_of_each(arena: Arena) -> list[Hypothesis]:
+    """The best law of every name, best first: forms of one effect may all be what the noise's colour explains as well."""
+    first = {h.names: h for h in reversed(arena.hypotheses)}
+    return sorted(first.values(), key=lambda h: h.loss)
 
 
 def _to_grow(arena: Arena, count: int, grown_already: Sequence[Hypothesis] = ()) -> list[Hypothesis]:
@@ -323,7 +330,7 @@ def explore(
     softer = eased(arena.objective, arena.hypotheses)
     if softer:
         arena = settled(arena, softer, effort)
-    if not any(promising(arena, s, arena.base) for s in arena.hypotheses[:3]):
+    if not any(promising(arena, s, arena.base) for s in _first_of_each(arena)[:HOPES]):
         return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more).hypotheses
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))

@@ -25,16 +25,9 @@ from jointscope.diagnosis.kernel.full_steps import simulate_full
 from jointscope.diagnosis.kernel.laws import tabled as tabled
 from jointscope.diagnosis.kernel.laws import windup as windup
 from jointscope.diagnosis.kernel.layout import *
-from jointscope.diagnosis.kernel.scalar_steps import (
-    simulate_branches,
-    simulate_branches_held,
-    simulate_modes,
-    simulate_modes_held,
-    simulate_plain,
-    simulate_plain_held,
-    simulate_rich,
-    simulate_rich_held,
-)
+from jointscope.diagnosis.kernel.scalar_steps import FIXED, FREE, HOLDING
+
+BENDS = (PAR_SHARE, RUB, SOFT_SMOOTH, POW_K, GAP_ROUND, GAP_SHEDS, GAP_CORNER, GAP_IMPACT)
 
 
 def simulate(
@@ -56,31 +49,26 @@ def simulate(
         out: Result; columns X_QS ... X_TEXT.
     """
     modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
-    relaxing = S[N_BRANCH] > 0
     scalar = S[N_X] == 4 + 2 * modes + S[N_BRANCH] and modes <= 1
     scalar = scalar and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
-    held, dry_m, dry_l = bool(S[MOTOR] == MOTOR_HELD), bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0)
-    rich = S[N_TE] > 0 or S[N_RIPPLE] > 0 or S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0
-    rich = (
-        rich
-        or P[ROUND_M_SPEED] != 0.0
-        or P[ROUND_L_SPEED] != 0.0
-        or S[PRE_SITE] > 0
-        or P[PAR_SHARE] != 0.0
-        or P[RUB] != 0.0
-        or P[SOFT_SMOOTH] != 0.0
-        or P[POW_K] != 0.0
-        or P[GAP_ROUND] != 0.0
-        or P[GAP_SHEDS] != 0.0
-        or P[GAP_CORNER] != 0.0
-    )
     if not scalar:
         simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
-    free, fixed = (simulate_plain, simulate_plain_held) if mode == 0 else (simulate_modes, simulate_modes_held)
-    if relaxing:
-        free, fixed = simulate_branches, simulate_branches_held
-    if rich:
-        free, fixed = simulate_rich, simulate_rich_held
-    (fixed if held else free)(x, P, S, dry_m, dry_l, mode, um, ul, y, t0, h, out)
+    needs = _needs(P, S, mode)
+    steppers = FIXED if S[MOTOR] == MOTOR_HELD else FREE
+    step = next(stepper for holds, stepper in zip(HOLDING, steppers, strict=True) if needs & ~holds == 0)
+    step(x, P, S, bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0), mode, um, ul, y, t0, h, out)
+
+
+def _needs(P: Real, S: NDArray[np.int64], mode: int) -> int:
+    """What the joint has beside the plain one's laws, as bits of the layout."""
+    has = (
+        (HAS_MODE, mode != 0),
+        (HAS_BRANCHES, S[N_BRANCH] > 0),
+        (HAS_LINES, S[N_TE] > 0 or S[N_RIPPLE] > 0),
+        (HAS_SPRINGS, any(P[entry] != 0.0 for entry in BENDS)),
+        (HAS_LOOPS, S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0),
+        (HAS_RUBS, P[ROUND_M_SPEED] != 0.0 or P[ROUND_L_SPEED] != 0.0 or S[PRE_SITE] > 0),
+    )
+    return sum(bit for bit, there in has if there)

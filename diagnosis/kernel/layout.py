@@ -103,3 +103,11 @@ N_AUX = 17  # diagnostics of one evaluation
 MEM_SLIP = 10  # of the memory: first of the slipping springs
 N_MEM = MEM_SLIP + SLIP_ELEMENTS  # before them the wind-up, a loop, weight's angle from 5 on, bristles from 8 on
 MAX_EVENTS = 12  # pieces into which dry friction may cut one step
+
+# --- what a scalar stepper holds beside the plain joint: bits -----------------------------------------------------------
+HAS_MODE, HAS_BRANCHES = 1, 2  # one mode, relaxation branches
+HAS_LINES = 4  # kinematic error, torque ripple
+HAS_SPRINGS = 8  # springs and plays with bends, powers, impacts
+HAS_LOOPS = 16  # hysteresis, rate-independent damping, tables
+HAS_RUBS = 32  # rounded friction, bristles
+HAS_ALL = 63

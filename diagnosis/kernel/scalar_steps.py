@@ -29,12 +29,16 @@ def relaxed(
     return torque
 
 
-def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = False) -> Callable[..., None]:
-    """One loop, compiled eight times: bare, with ``MODES``, relaxation ``BRANCHES`` beside them, or what ``RICH`` laws need too.
+def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
+    """One loop, compiled for what it ``holds`` (bits of the layout) with the motor free or ``HELD``.
 
-    With the motor free or ``HELD``; a rich joint relaxes where it has branches. A branch's rate is that of the wind-up less
-    its own, z' = Delta' - z/tau, so its stages need no more of the joint than its speeds.
+    What it does not hold the compiler leaves out: with all laws on offer a step takes five times as long as a plain one, with
+    lines and springs alone, or loops and friction, twice. A branch's rate is that of the wind-up less its own,
+    z' = Delta' - z/tau, so its stages need no more of the joint than its speeds.
     """
+    LINES, SPRINGS, LOOPS, RUBS = (bool(holds & bit) for bit in (HAS_LINES, HAS_SPRINGS, HAS_LOOPS, HAS_RUBS))
+    MODES, BRANCHES = bool(holds & HAS_MODE), bool(holds & HAS_BRANCHES)
+    RICH = LINES or SPRINGS or LOOPS or RUBS
 
     def integrate(
         x: Real, P: Real, S: NDArray[np.int64], dry_m: bool, dry_l: bool, mode: int,
@@ -59,20 +63,43 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
         )  # fmt: skip
         # what is switched on, read once: each look would cost every stage
         on = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)  # fmt: skip
-        if RICH:
-            on = (
-                S[N_TE], int(P[GAP_CORNER] != 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0), int(P[PAR_SHARE] != 0.0),
-                int(P[GAP_IMPACT] != 0.0), int(P[GAP_SHEDS] != 0.0), int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE],
-                S[N_RIPPLE], int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE], int(P[POW_K] != 0.0),
-            )  # fmt: skip
+        lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre, power = (
+            on
+        )
+        if LINES:
+            lines, ripples = S[N_TE], S[N_RIPPLE]
+        if SPRINGS:
+            corner, flank, rub = int(P[GAP_CORNER] != 0.0), int(P[GAP_ROUND] > 0.0), int(P[RUB] != 0.0)
+            par, impact, sheds = int(P[PAR_SHARE] != 0.0), int(P[GAP_IMPACT] != 0.0), int(P[GAP_SHEDS] != 0.0)
+            power = int(P[POW_K] != 0.0)
+        if LOOPS:
+            reid, kind, table = int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE]
+        if RUBS:
+            round_m, round_l, pre = int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE]
+        on = (
+            lines,
+            corner,
+            flank,
+            rub,
+            par,
+            impact,
+            sheds,
+            reid,
+            kind,
+            table,
+            ripples,
+            round_m,
+            round_l,
+            pre,
+            power,
+        )
         turn = (q, math.cos(q), math.sin(q))
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
         sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
         dry_m = dry_m and not HELD
         mem = np.zeros(N_MEM)
-        hyst, pre = False, 0
+        hyst = kind != 0
         if RICH:
-            hyst, pre = S[HYST_KIND] != 0, S[PRE_SITE]
             mem[0] = windup_of_scalars(q_s, q, P, S)
             mem[8] = q_s if pre == AT_MOTOR else q
         # where the branches are, at the three later stages, after the step; the sum of their rates
@@ -80,7 +107,7 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
         spring, slow = np.zeros(MOST_BRANCHES), np.zeros(MOST_BRANCHES)
         z1, z2, z3, z4 = 0.0, 0.0, 0.0, 0.0
         relaxing = BRANCHES
-        if RICH:
+        if RICH and BRANCHES:
             relaxing = S[N_BRANCH] > 0
         if relaxing:
             for i in range(S[N_BRANCH]):
@@ -262,11 +289,14 @@ def _scalar_simulator(RICH: bool, MODES: bool, HELD: bool, BRANCHES: bool = Fals
     return compiled(integrate)
 
 
-simulate_plain = _scalar_simulator(False, False, False)
-simulate_plain_held = _scalar_simulator(False, False, True)
-simulate_modes = _scalar_simulator(False, True, False)
-simulate_modes_held = _scalar_simulator(False, True, True)
-simulate_branches = _scalar_simulator(False, True, False, True)
-simulate_branches_held = _scalar_simulator(False, True, True, True)
-simulate_rich = _scalar_simulator(True, True, False, True)
-simulate_rich_held = _scalar_simulator(True, True, True, True)
+# In the order of the time a step takes: what is first to hold all that a joint needs steps it.
+HOLDING = (
+    0,
+    HAS_MODE,
+    HAS_LINES | HAS_SPRINGS,
+    HAS_SPRINGS | HAS_LOOPS | HAS_RUBS,
+    HAS_MODE | HAS_BRANCHES,
+    HAS_ALL,
+)
+FREE = tuple(_scalar_simulator(holds, HELD=False) for holds in HOLDING)
+FIXED = tuple(_scalar_simulator(holds, HELD=True) for holds in HOLDING)

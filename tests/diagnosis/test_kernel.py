@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from jointscope.diagnosis import kernel as k
 from jointscope.diagnosis.effects.transmission import branches
 from jointscope.diagnosis.kernel.compiled import SOURCES, digest
-from jointscope.diagnosis.kernel.scalar_steps import simulate_plain
+from jointscope.diagnosis.kernel.scalar_steps import FREE
 
 sys.path.insert(0, str(Path(__file__).parent))
 from packed_joint import KW, W0, modes, packed, run  # type: ignore[import-not-found]
@@ -366,5 +366,5 @@ def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):
     (tmp_path / "laws.py").write_text("laws = 2\n")
     assert digest(tmp_path) != before
     run(*packed(), duration=0.01)
-    kept = Path(simulate_plain.stats.cache_path).glob("*.nbi")
-    assert any(simulate_plain.__name__ in file.name and SOURCES in file.name for file in kept)
+    kept = Path(FREE[0].stats.cache_path).glob("*.nbi")
+    assert any(FREE[0].__name__ in file.name and SOURCES in file.name for file in kept)
