@@ -15,6 +15,14 @@ TURN = 0.02  # rad over which weight is expanded to third order (1e-8)
 
 
 @compiled
+def quick_tanh(x: float) -> float:
+    """tanh(x) by one exponential, to 1e-16 of 1."""
+    e = math.exp(-2.0 * abs(x))
+    rise = (1.0 - e) / (1.0 + e)
+    return rise if x > 0.0 else -rise
+
+
+@compiled
 def approached(u: float, rate: float, r: float) -> float:
     """u after a travel ``r`` of u' = 1 - rate u: towards 1/rate, away from it where the rate is negative."""
     if abs(rate) < 1e-9:
@@ -55,7 +63,8 @@ def hysteresis(z: float, d: float, y: float, kind: int, shape: float) -> float:
         u = 0.0
     if u > 0.999999:
         return s
-    return s * math.tanh(math.atanh(u) + r)
+    t = quick_tanh(r)
+    return s * (u + t) / (1.0 + u * t)  # tanh(atanh u + r)
 
 
 @compiled
@@ -127,7 +136,7 @@ def rounded(torque: float, speed: float, excess: float, fall: float, sided: floa
     if excess != 0.0:
         r = v / fall
         torque *= 1.0 + excess * math.exp(-r * r)
-    rise = math.tanh(v / speed) if speed > 0.0 else v / math.hypot(v, speed)
+    rise = quick_tanh(v / speed) if speed > 0.0 else v / math.sqrt(v * v + speed * speed)
     return torque * (rise + sided * abs(rise))
 
 

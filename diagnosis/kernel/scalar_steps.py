@@ -33,7 +33,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
     """One loop, compiled for what it ``holds`` (bits of the layout) with the motor free or ``HELD``.
 
     What it does not hold the compiler leaves out: with all laws on offer a step takes five times as long as a plain one, with
-    lines and springs alone, or loops and friction, twice. A branch's rate is that of the wind-up less its own,
+    lines alone, or all but lines and modes, twice. A branch's rate is that of the wind-up less its own,
     z' = Delta' - z/tau, so its stages need no more of the joint than its speeds.
     """
     LINES, SPRINGS, LOOPS, RUBS = (bool(holds & bit) for bit in (HAS_LINES, HAS_SPRINGS, HAS_LOOPS, HAS_RUBS))
@@ -293,7 +293,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
 HOLDING = (
     0,
     HAS_MODE,
-    HAS_LINES | HAS_SPRINGS,
+    HAS_LINES,
     HAS_SPRINGS | HAS_LOOPS | HAS_RUBS,
     HAS_MODE | HAS_BRANCHES,
     HAS_ALL,
