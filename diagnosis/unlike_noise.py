@@ -25,6 +25,7 @@ MATTERS: Final = 0.02  # of the signal's rms, below which an error's colour says
 MOSTLY: Final = 0.5  # error over signal, beyond which a record is noise for the most part
 WHITE: Final = 2.0  # times its innovation, below which noise is about white
 FADED: Final = 5.0  # times the power of the last third, which the third after the hit must have
+IN_PROPORTION: Final = 0.05  # error over signal, growing with it, that is no noise of an accelerometer
 LEAST: Final = 100  # samples of a third from which their powers are told apart to a few tenths
 
 
@@ -54,6 +55,18 @@ def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
         ),
         default=0.0,
     )
+
+
+def left_in_proportion(judgement: Judgement, fit: Adequacy, explained: float) -> float:
+    """How far beyond noise an accelerometer's error grows beside a model that explains little [-]; 1 at the limit.
+
+    Only where no two runs are alike, which would tell how much of the mismatch is explained; 0 where the model explains at
+    least ``explained`` of the base's error, noise and all.
+    """
+    if math.isfinite(fit.explained) or not fit.at_least < explained:
+        return 0.0
+    blocks = judgement.noise.blocks.items()
+    return max((n.kappa for key, n in blocks if key[2] in ACCELERATIONS), default=0.0) / IN_PROPORTION
 
 
 def foreseen(judgement: Judgement, fit: Adequacy) -> float:

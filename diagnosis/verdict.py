@@ -19,7 +19,7 @@ from jointscope.diagnosis.outside import lead_asked, resembled
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import nested
 from jointscope.diagnosis.twins import foreknown
-from jointscope.diagnosis.unlike_noise import foreseen, grows_with_signal
+from jointscope.diagnosis.unlike_noise import foreseen, grows_with_signal, left_in_proportion
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.input_scatter import Pushes
@@ -251,6 +251,9 @@ def decide(judgement: Judgement) -> Decision:
         return Decision(
             "unknown", top.judged, beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit
         )
+    beyond_noise = left_in_proportion(judgement, fit, EXPLAINED)
+    if beyond_noise > 1.0:
+        return Decision("unknown", top.judged, beyond(beyond_noise), ranking, "outside-catalogue", (), fit)
     near = [r for r in ranking if r.names and r.probability > top.probability * math.exp(-NEAR)]
     others = [
         r for r in near if r is not top and not holds(r.judged, top.judged)

@@ -1,5 +1,6 @@
 """What is left of hits fades with them where it is a mismatch, and stays where it is noise."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from jointscope.diagnosis.noise import block_key
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.unlike_noise import fades, grows_with_signal
+from jointscope.diagnosis.unlike_noise import fades, grows_with_signal, left_in_proportion
 
 
 def hit_and_key(builders):
@@ -48,3 +49,20 @@ def test_an_error_as_large_as_a_hit_grows_with_it_where_it_fades(builders, share
     )
     fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, base=0.9**2),))
     assert grows_with_signal(judgement, fit) == grows
+
+
+@pytest.mark.parametrize(
+    ("kappa", "explained", "at_least", "quantity", "beyond"),
+    [
+        (0.10, math.nan, 0.55, "linear-acceleration", 2.0),  # a third of the base's error is left
+        (0.10, math.nan, 0.70, "linear-acceleration", 0.0),  # what was named explains most
+        (0.10, 0.99, 0.15, "linear-acceleration", 0.0),  # runs that are alike tell it from noise
+        (0.00, math.nan, 0.15, "linear-acceleration", 0.0),  # nothing grows: the rest is noise
+        (0.10, math.nan, 0.15, "angle", 0.0),  # an angle drifts
+    ],
+)
+def test_an_error_in_proportion_beside_what_was_named_is_no_noise(kappa, explained, at_least, quantity, beyond):
+    blocks = {("hammer", True, quantity, "arm", "tangential", 1.0, 1000.0): SimpleNamespace(kappa=kappa)}
+    judgement = SimpleNamespace(noise=SimpleNamespace(blocks=blocks))
+    fit = SimpleNamespace(explained=explained, at_least=at_least)
+    assert left_in_proportion(judgement, fit, 0.6) == pytest.approx(beyond)
