@@ -25,7 +25,7 @@ from jointscope.diagnosis.kernel.full_steps import simulate_full
 from jointscope.diagnosis.kernel.laws import tabled as tabled
 from jointscope.diagnosis.kernel.laws import windup as windup
 from jointscope.diagnosis.kernel.layout import *
-from jointscope.diagnosis.kernel.scalar_steps import FIXED, FREE, HOLDING
+from jointscope.diagnosis.kernel.scalar_steps import FIXED, FREE
 
 BENDS = (PAR_SHARE, RUB, SOFT_SMOOTH, POW_K, GAP_ROUND, GAP_SHEDS, GAP_CORNER, GAP_IMPACT)
 
@@ -57,7 +57,7 @@ def simulate(
     mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
     needs = _needs(P, S, mode)
     steppers = FIXED if S[MOTOR] == MOTOR_HELD else FREE
-    step = next(stepper for holds, stepper in zip(HOLDING, steppers, strict=True) if needs & ~holds == 0)
+    step = next(stepper for holds, stepper in steppers.items() if needs & ~holds == 0)
     step(x, P, S, bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0), mode, um, ul, y, t0, h, out)
 
 
