@@ -368,3 +368,23 @@ def test_a_change_in_any_file_of_the_kernel_compiles_it_anew(tmp_path):
     run(*packed(), duration=0.01)
     kept = Path(FREE[0].stats.cache_path).glob("*.nbi")
     assert any(FREE[0].__name__ in file.name and SOURCES in file.name for file in kept)
+
+
+@pytest.mark.parametrize("motor", [k.MOTOR_FREE, k.MOTOR_HELD])
+@pytest.mark.parametrize(
+    "law",
+    [
+        {},
+        {"POW_K": 100.0, "POW_ANGLE": 1e-3, "POW_EXPONENT": 1.5},
+        {"ROUND_L": 1.0, "ROUND_L_SPEED": 0.1},
+        {"HYST_KIND": k.BOUC_WEN, "HYST_TORQUE": 1.0, "HYST_ANGLE": 1e-3},
+        {"N_RIPPLE": 1, "RIPPLE_0": 1.0},
+    ],
+)
+def test_a_joint_moves_alike_whatever_else_its_stepper_holds(monkeypatch, law, motor):
+    """What is left out when a stepper is compiled is what the joint does not have."""
+    started = (1e-3, 0.0, 0.0, 0.1)
+    _, own = run(*packed(MOTOR=motor, **law), x=started, duration=0.1)
+    monkeypatch.setattr(k, "_needs", lambda P, S, mode: k.HAS_ALL)
+    _, all_laws = run(*packed(MOTOR=motor, **law), x=started, duration=0.1)
+    np.testing.assert_allclose(own, all_laws, rtol=1e-9, atol=1e-9 * np.max(np.abs(own)))
