@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter
@@ -27,7 +28,11 @@ _WEAKEST = 0.3  # an average's transfer is not divided by less than this
 def shifted(signal: Bandlimited, run: PreparedRun, chain: Chain) -> Vector:
     """A late device's signal at the true half-step times: what happened at t was stamped (t + delay)(1 + clock)."""
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-    times = (half + chain.delay) * (1.0 + chain.clock)
+    return read(signal, (half + chain.delay) * (1.0 + chain.clock))
+
+
+def read(signal: Bandlimited, times: Vector) -> Vector:
+    """The signal at ``times`` [s] as it would read itself, in compiled steps, same shape."""
     coefficients, lead = signal.quintic
     if coefficients.size < SHORTEST:
         return signal(times)
@@ -101,11 +106,13 @@ def cold_drag(assembly: Assembly) -> Vector:
     return np.asarray(coefficient * np.exp(-worked / time_constant) * v)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
 def aged(u: Vector, steps: float) -> Vector:
     """``u`` later by a part of a step, by the parabola through three neighbours; it stays at its ends; shape of ``u``."""
     later = u.copy()
-    before, here, after = u[:-2], u[1:-1], u[2:]
-    later[1:-1] += 0.5 * steps * (before - after) + 0.5 * steps * steps * (before - 2.0 * here + after)
+    slope, bend = 0.5 * steps, 0.5 * steps * steps
+    for k in range(1, u.shape[0] - 1):
+        later[k] += slope * (u[k - 1] - u[k + 1]) + bend * (u[k - 1] - 2.0 * u[k] + u[k + 1])
     return later
 
 

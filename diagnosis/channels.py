@@ -75,24 +75,37 @@ def _read(x: Vector, rate: float, t0: float, times: Vector, cutoff: float, table
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _phase(phases: Vector, node: int, first: int, count: int) -> Vector:
+    """Every step-th sample of what ``phases`` holds, shape (step, n), ``count`` of them from ``node`` + ``first`` steps on."""
+    step = phases.shape[0]
+    at = first + node // step
+    return phases[node % step, at : at + count]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _decimate(x: Vector, step: int, offset: int, taps: Vector, out: Vector) -> None:
-    """The same where every wanted time is a node: ``out[i]`` at node ``offset + i step``."""
+    """The same where every wanted time is a node: ``out[i]`` at node ``offset + i step``; an even number of taps to a side."""
     n, count = x.shape[0], out.shape[0]
     half = taps.shape[0] - 1
     begin = min(max((half - offset + step - 1) // step, 0), count)  # inside, no tap reaches beyond an end
     end = max(min((n - 1 - half - offset) // step + 1, count), begin)
     phases = np.empty((step, n // step + 1))
-    for k in range(n):
-        phases[k % step, k // step] = x[k]
+    for p in range(step):
+        for k in range((n - p + step - 1) // step):
+            phases[p, k] = x[p + k * step]
     for first in range(begin, end, _BLOCK):
-        last = min(first + _BLOCK, end)
-        block = out[first:last]
-        block[:] = 0.0
-        for j in range(-half, half + 1):
-            h, at = taps[abs(j)], first + (offset + j) // step
-            part = phases[(offset + j) % step, at : at + block.size]
+        block = out[first : min(first + _BLOCK, end)]
+        middle = _phase(phases, offset, first, block.size)
+        for i in range(block.size):
+            block[i] = taps[0] * middle[i]
+        for j in range(1, half, 2):  # two pairs of taps at a time: the block is read and written half as often
+            a = _phase(phases, offset + j, first, block.size)
+            b = _phase(phases, offset - j, first, block.size)
+            c = _phase(phases, offset + j + 1, first, block.size)
+            d = _phase(phases, offset - j - 1, first, block.size)
+            near, far = taps[j], taps[j + 1]
             for i in range(block.size):
-                block[i] += h * part[i]
+                block[i] += near * (a[i] + b[i]) + far * (c[i] + d[i])
     for i in range(count):
         if begin <= i < end:
             continue

@@ -30,26 +30,27 @@ NO_NOISE = 1e-5  # of the log's peak, below which it is left alone
 
 
 def estimated_input(samples: Vector, rate: float, noise: float) -> Vector:
-    """E[u | samples] of a log of smooth torque with white noise, shape of ``samples``.
+    """E[u | samples] of logs of smooth torque with white noise, shape of ``samples``.
 
     Args:
-        samples: As logged [any unit], shape (n,).
+        samples: As logged [any unit], shape (n,), or (m, n) for several logs of one torque.
         rate: Of the log [Hz].
         noise: Standard deviation of the noise [as ``samples``], see :func:`input_noise.log_noise`.
     """
     length = OVERLAP * max(2, round(WINDOW * rate / OVERLAP))
-    if len(samples) < 2 * length:
+    count = samples.shape[-1]
+    if count < 2 * length or not noise > NO_NOISE * float(np.max(np.abs(samples))):
         return samples
     step = length // OVERLAP
-    ends = 2.0 * samples[[0, -1]]  # odd reflection: no step at the ends
-    padded = np.concatenate([ends[0] - samples[length:0:-1], samples, ends[1] - samples[-2 : -length - 2 : -1]])
+    first, last = 2.0 * samples[..., :1], 2.0 * samples[..., -1:]  # odd reflection: no step at the ends
+    padded = np.concatenate(
+        [first - samples[..., length:0:-1], samples, last - samples[..., -2 : -length - 2 : -1]], axis=-1
+    )
     window = hann(length, sym=False)
-    transform = ShortTimeFFT(window, step, rate, scale_to=None)
+    transform = ShortTimeFFT(window, step, rate, scale_to=None, phase_shift=None)
     z = transform.stft(padded)
-    if not noise > NO_NOISE * float(np.max(np.abs(samples))):
-        return samples
-    power = uniform_filter(np.square(np.abs(z)), SMOOTHED, mode="nearest")
+    power = uniform_filter(np.square(np.abs(z)), (1,) * (samples.ndim - 1) + (SMOOTHED, SMOOTHED), mode="nearest")
     white = noise**2 * float(np.sum(np.square(window)))
     kept = z * np.maximum(1.0 - (OVER * white / np.maximum(power, 1e-300)) ** STEEP, 0.0)
-    x = transform.istft(kept, k1=len(padded))
-    return np.asarray(x[length : length + len(samples)], dtype=np.float64)
+    x = transform.istft(kept, k1=padded.shape[-1])
+    return np.asarray(x[..., length : length + count], dtype=np.float64)

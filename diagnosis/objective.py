@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol, TypeVar
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.input_scatter import Pushes, pushes
+from jointscope.diagnosis.memory import Memory
 from jointscope.diagnosis.noise import NoiseModel
 from jointscope.diagnosis.whiten import RunWhitener, run_whitener
 
@@ -52,6 +53,7 @@ class Objective:
     Attributes:
         runs: Positions in ``problem.runs``, in the order in which residuals are stacked.
         whiteners: One per run, or empty before :func:`whitened`.
+        memory: Predictions of whole sets of runs, which are asked for again.
     """
 
     problem: Problem
@@ -59,6 +61,7 @@ class Objective:
     runs: tuple[int, ...]
     pool: ThreadPoolExecutor
     whiteners: tuple[RunWhitener, ...] = ()
+    memory: Memory = field(default_factory=Memory)
 
     @property
     def prepared(self) -> tuple[PreparedRun, ...]:
@@ -87,8 +90,13 @@ class Objective:
 
     def predictions(self, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Predictions:
         """Predicted outputs of every run."""
-        prepared = self.prepared
-        return tuple(self.of_runs(lambda i: self.predict(prepared[i], theta, effects, self.problem)))
+        return tuple(self.of_runs(lambda i: self._predicted(i, theta, effects)))
+
+    def _predicted(self, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]) -> tuple[Vector, ...]:
+        run, problem = self.problem.runs[self.runs[position]], self.problem
+        return self.memory.outputs(
+            run, theta, effects, problem, lambda: self.predict(run, theta, effects, problem)
+        )
 
     def pushes(
         self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions, *, oil: bool = True
@@ -149,7 +157,7 @@ class Objective:
     def residual(self, x: Vector, where: Coordinates) -> Vector:
         """w at ``x``, runs stacked, shape (n,)."""
         theta, effects = where.unpack(x)
-        return np.concatenate(self.of_runs(lambda i: self.run_residual(i, theta, effects)))
+        return np.concatenate(self.of_runs(lambda i: self.whiten_run(i, self._predicted(i, theta, effects))))
 
     def columns(self, x: Vector, where: Coordinates, w: Vector, which: Sequence[int]) -> NDArray[np.float64]:
         """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which)); 0 for what is held."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.acquisition import read
 from jointscope.diagnosis.drive_angle import followed_angle
 from jointscope.diagnosis.input_estimate import estimated_input
 from jointscope.recordings.bandlimited import bandlimited
@@ -55,21 +56,24 @@ def relogged(run: PreparedRun) -> Relogged | None:
         return None
     rate, start = motor.signal.rate, motor.signal.start
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
-    samples, halves, angles = [], [], []
-    for turn in range(1, LOGS + AGAIN + 1):
-        noise = motor.noise * np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size)
-        samples.append(
-            estimated_input(motor.samples + noise, rate, motor.noise) if motor.noise > 0.0 else motor.samples
+    turns = range(1, LOGS + AGAIN + 1)
+    samples = np.broadcast_to(motor.samples, (len(turns), motor.samples.size))
+    if motor.noise > 0.0:
+        noises = (
+            np.random.default_rng([SEED, turn, run.index]).standard_normal(motor.samples.size) for turn in turns
         )
-        halves.append(run.motor_half + bandlimited(samples[-1] - motor.samples, rate, start)(half))
+        samples = estimated_input(motor.samples + motor.noise * np.stack(list(noises)), rate, motor.noise)
+    halves, angles = [], []
+    for turn, log in zip(turns, samples, strict=True):
+        halves.append(run.motor_half + read(bandlimited(log - motor.samples, rate, start), half))
         if law is not None and run.command is not None:
             likely = law.drawn(np.random.default_rng([SEED, turn]))  # one drive's law: the same in all of its runs
-            logged = replace(motor, samples=samples[-1])
+            logged = replace(motor, samples=log)
             angle = followed_angle(logged, run.command, run.initial_angle, likely)
             if angle is not None:
                 angles.append(angle)
     paths = tuple(angle.signal(half) for angle in angles)
-    return Relogged(motor, np.stack(samples), np.stack(halves), tuple(angles), paths)
+    return Relogged(motor, samples, np.stack(halves), tuple(angles), paths)
 
 
 def driven_by(run: PreparedRun, relog: Relogged, turn: int) -> PreparedRun:

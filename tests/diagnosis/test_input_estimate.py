@@ -88,3 +88,10 @@ def test_what_stands_out_of_the_noise_keeps_its_size():
 
 def test_the_estimate_is_of_the_size_of_its_own_noise():
     assert np.mean(np.square(cleaned(np.random.default_rng(7).standard_normal(T.size)))) < 0.02
+
+
+def test_several_logs_at_once_are_what_each_is_alone():
+    noise = 0.5 * np.random.default_rng(7).standard_normal((3, T.size))
+    together = estimated_input(SLOW + BURST + noise, RATE, 0.5)
+    alone = np.stack([estimated_input(SLOW + BURST + eta, RATE, 0.5) for eta in noise])
+    np.testing.assert_allclose(together, alone, atol=1e-12)
