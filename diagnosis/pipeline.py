@@ -22,6 +22,7 @@ from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
+from jointscope.diagnosis.one_place import in_one_place
 from jointscope.diagnosis.overtones import overtones
 from jointscope.diagnosis.plain_base import with_plain_base
 from jointscope.diagnosis.power import Unseen, unseen
@@ -70,7 +71,8 @@ class Diagnosis:
         black_box: The best of them fitted: what flexibility alone buys.
         suggestion: The recording to make next, where one is needed.
         not_seen: Effects that were not found, and the size that would have shown.
-        remainder: What the chosen model leaves that still follows the input, or repeats with the turn, per kind of channel.
+        remainder: What the chosen model leaves that still follows the input, repeats with the turn, or sits at one place,
+            per kind of channel.
         changes: How far the size of named effects moves within runs.
         differing: How far the joint's own parameters differ between runs, where nothing was named.
     """
@@ -155,7 +157,8 @@ def diagnose(
         decision = answered(judgement)
         repeats = repeating(judgement, decision.chosen)
     following = remainders(judgement, decision.chosen)
-    left = (*following, *repeats)
+    placed = in_one_place(judgement, decision.chosen) if decision.verdict == "none" else ()
+    left = (*following, *repeats, *placed)
     changing: tuple[Change, ...] = ()
     decision = with_remainder(decision, left)
     differing = varying(judgement, decision.chosen) if decision.verdict == "none" else ()

@@ -31,6 +31,21 @@ N_REGRESSORS = 2 * len(LAGS) + 2
 RIDGE = 1e-6
 COLOURED = 3.0  # times what the white part of a log's noise does, which is all that the log shows of its noise
 FOLLOWS = 20.0  # nats, net of Occam, above which a residual is said to follow the input
+PLACED = 12.0  # nats by which held-out runs must show what sits at one place: five standard deviations
+LOUD = 0.5  # times the noise, that what sits at one place must be there
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where in the travel something sits.
+
+    Attributes:
+        angle: At the joint output [rad].
+        width: Half of it [rad].
+    """
+
+    angle: float
+    width: float
 
 
 @dataclass(frozen=True)
@@ -40,10 +55,11 @@ class Remainder:
     Attributes:
         gain: On the fitted runs, net of Occam [nats].
         held_gain, foretold: On the held-out runs, found and due if true [nats].
-        material: RMS of what is explained over the signal's [-].
+        material: RMS of what is explained over the signal's [-]; over the noise's, there, where it is ``place``.
         echo: The same of what the white noise of a torque log makes the model do; 0 where no log drives it.
         dispersion: By how much the gains were divided, since the model leaves that many times what noise is [-].
         order: Periods per turn of the joint output, where it is what repeats with the turn and not what follows the input.
+        place: Where it sits, where it is what the joint meets at one place and not what follows the input.
     """
 
     key: Key
@@ -54,10 +70,13 @@ class Remainder:
     echo: float = 0.0
     dispersion: float = 1.0
     order: float | None = None
+    place: Place | None = None
 
     @property
     def stands(self) -> bool:
         """Real, carried over, material, and more than the noise of the input may do, which follows its log too."""
+        if self.place is not None:
+            return self.gain > FOLLOWS and self.held_gain > PLACED and self.material > LOUD
         due = max(HELD, AS_FORETOLD * self.foretold)
         least = max(MATERIAL, COLOURED * self.echo)
         return self.gain > FOLLOWS and self.held_gain > due and self.material > least
@@ -159,14 +178,22 @@ def _what(left: Remainder) -> str:
     return f"repeats {left.order:.4g} times per turn of the joint"
 
 
+def _sentence(left: Remainder) -> str:
+    what = f"{left.key[0]}, {left.key[2]} of the {left.key[3]}: "
+    if left.place is None:
+        return f"{what}{100.0 * left.material:.2g} % of the signal still {_what(left)}, in runs that were not fitted too"
+    where = f"{left.place.angle:.4g} rad of the joint, within {left.place.width:.2g} rad"
+    return f"{what}{left.material:.2g} times its noise sits at {where}, in runs that were not fitted too"
+
+
 def remainder_json(left: Sequence[Remainder]) -> list[dict[str, Any]]:
     """``remainder`` of diagnosis.json: the kinds of channel whose residual still follows the input or repeats with the turn."""
     return [
         {
             "experiment": r.key[0], "channel": f"{r.key[2]}@{r.key[3]}", "gain_nats": round(r.gain, 1),
-            "held_out_gain_nats": round(r.held_gain, 1), "share_of_signal": round(r.material, 5),
-            "sentence": f"{r.key[0]}, {r.key[2]} of the {r.key[3]}: {100.0 * r.material:.2g} % of the signal still "
-            f"{_what(r)}, in runs that were not fitted too",
+            "held_out_gain_nats": round(r.held_gain, 1),
+            "share_of_signal": round(r.material, 5) if r.place is None else None,
+            "place_rad": None if r.place is None else round(r.place.angle, 6), "sentence": _sentence(r),
         }
         for r in left
         if r.stands
