@@ -165,6 +165,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     others = (
         [] if of_three else [r for r in listed if r.score > SECOND * top.score]
     )  # of three, no other two instead
+    # what the same runs, read step by step, refute beside the leading set is not nearer for drifting less
+    others = [r for r in others if not confirmed(compare(diagnosis.judgement, r.judged, top.judged))]
     kept = [r for r in others if not worse(r.judged) and may_follow(error(r.judged)[1], of_base[1])]
     if kept:
         total = sum(r.probability for r in kept)  # 0 where all are beyond reach of the one that does not stand

@@ -203,12 +203,24 @@ def _loop_torque(
     motor = eta * n**2 * np.array([J_L, b_l + c, K])  # n w_s per T_e, times D
     closed = np.polyadd(D, np.polymul(law, motor))
     dt = (take.times[-1] - take.times[0]) / (take.times.size - 1)
-    t = np.arange(take.times.size) * dt
     path = arm_angle + np.concatenate([[0.0], np.cumsum(0.5 * (take.command[1:] + take.command[:-1]))]) * dt / n
     pull = -gravity_moment * (np.cos(path) - math.cos(arm_angle))
-    _, from_command, _ = signal.lsim((np.polymul(law, denominator(joint)), closed), take.command, t)
-    torque = np.asarray(from_command)
+    torque = _response(np.polymul(law, denominator(joint)), closed, take.command, dt)
     if gravity_moment:
-        _, from_gravity, _ = signal.lsim((-n * np.polymul(law, [c, K]), closed), pull, t)
-        torque = torque + np.asarray(from_gravity)
+        torque = torque + _response(-n * np.polymul(law, [c, K]), closed, pull, dt)
     return torque
+
+
+def _response(numerator: Real, denominator: Real, u: Real, dt: float) -> Real:
+    """What numerator(s)/denominator(s) makes of ``u`` from rest, exact for what is linear between samples; shape of ``u``.
+
+    What ``scipy.signal.lsim`` gives, by recursive filters in place of its loop over samples: u_0 from the first sample on,
+    and the rest, which begins at zero.
+    """
+    from_zero, from_step = (
+        signal.cont2discrete((numerator, denominator), dt, method=method) for method in ("foh", "zoh")
+    )
+    later = signal.lfilter(from_zero[0].ravel(), from_zero[1], u - u[0])
+    if u[0] == 0.0:
+        return np.asarray(later)
+    return np.asarray(later + signal.lfilter(from_step[0].ravel(), from_step[1], np.full(u.size, u[0])))

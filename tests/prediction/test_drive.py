@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy import signal
 
-from jointscope.identification.drive import identify_drive
+from jointscope.identification.drive import _response, identify_drive
 from jointscope.identification.drive_law import drive_from_json
 from jointscope.models.parameters import Joint
 from jointscope.prediction.integrate import Loop, integrate
@@ -136,3 +137,18 @@ def test_the_law_survives_its_json(bench, rng):
     assert again.proportional == drive.proportional
     assert again.torque_limit == drive.torque_limit
     assert again.standard_errors == pytest.approx(drive.standard_errors)
+
+
+@pytest.mark.parametrize("first", [0.0, 0.3])
+def test_the_loop_answers_as_a_simulation_of_it_does(first):
+    """The recursive filters in place of ``lsim``'s loop over samples, also for a command that begins at once."""
+    inertia, stiffness = 3.0, 3.0 * (2.0 * np.pi * 20.0) ** 2
+    plant, law = np.array([inertia, 41.0, stiffness]), np.array([200.0, 3000.0])
+    joint = np.array([6.0 * inertia, 400.0, 9.0 * stiffness, stiffness])
+    closed = np.polyadd(np.polymul([1.0, 0.0], joint), np.polymul(law, plant))
+    numerator = np.polymul(law, joint)
+    u = first + np.cumsum(np.random.default_rng(3).standard_normal(3000)) * 0.01
+    u[0] = first
+    simulated = signal.lsim((numerator, closed), u, np.arange(u.size) / 1000.0)[1]
+    found = _response(numerator, closed, u, 1e-3)
+    np.testing.assert_allclose(found, simulated, atol=1e-7 * np.max(np.abs(simulated)))
