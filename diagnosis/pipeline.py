@@ -17,6 +17,7 @@ from jointscope.diagnosis.between_runs import Varying, varying, with_varying
 from jointscope.diagnosis.constancy import Change, changes
 from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.encoder_lines import without_encoder_lines
+from jointscope.diagnosis.force_left import force_left
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
@@ -42,6 +43,7 @@ from jointscope.diagnosis.verdict import (
     Decision,
     with_changes,
     with_followed_input,
+    with_force_left,
     with_remainder,
     with_unknown_force,
 )
@@ -161,6 +163,8 @@ def diagnose(
     left = (*following, *repeats, *placed)
     changing: tuple[Change, ...] = ()
     decision = with_remainder(decision, left)
+    forces = force_left(judgement) if decision.verdict == "none" else None
+    decision = with_force_left(decision, 0.0 if forces is None else forces.lack)
     differing = varying(judgement, decision.chosen) if decision.verdict == "none" else ()
     decision = with_varying(decision, differing)
     if decision.verdict == "effects":

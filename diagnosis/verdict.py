@@ -333,6 +333,13 @@ def with_changes(decision: Decision, found: Sequence[Change]) -> Decision:
     )
 
 
+def with_force_left(decision: Decision, lack: float) -> Decision:
+    """The answer in view of a force that the base leaves along a recorded path, ``lack`` times what it may: then not ``none``."""
+    if decision.verdict != "none" or lack <= 1.0:
+        return decision
+    return replace(decision, verdict="unknown", probability=beyond(lack), unknown_reason="outside-catalogue")
+
+
 def _shared(ranking: Sequence[Ranked], near: Sequence[Ranked]) -> Ranked | None:
     """What all sets that can't be told apart have in common, where it stands by itself: that much is known."""
     common = set(near[0].names).intersection(*(r.names for r in near[1:]))
