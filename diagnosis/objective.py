@@ -54,6 +54,7 @@ class Objective:
         runs: Positions in ``problem.runs``, in the order in which residuals are stacked.
         whiteners: One per run, or empty before :func:`whitened`.
         memory: Predictions of whole sets of runs, which are asked for again.
+        slopes: Those beside a point, by which its slopes are found; kept where the same points are judged again and again.
     """
 
     problem: Problem
@@ -62,6 +63,7 @@ class Objective:
     pool: ThreadPoolExecutor
     whiteners: tuple[RunWhitener, ...] = ()
     memory: Memory = field(default_factory=Memory)
+    slopes: Memory = field(default_factory=lambda: Memory(limit=0))
 
     @property
     def prepared(self) -> tuple[PreparedRun, ...]:
@@ -90,13 +92,13 @@ class Objective:
 
     def predictions(self, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Predictions:
         """Predicted outputs of every run."""
-        return tuple(self.of_runs(lambda i: self._predicted(i, theta, effects)))
+        return tuple(self.of_runs(lambda i: self._predicted(self.memory, i, theta, effects)))
 
-    def _predicted(self, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]) -> tuple[Vector, ...]:
+    def _predicted(
+        self, kept: Memory, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]
+    ) -> tuple[Vector, ...]:
         run, problem = self.problem.runs[self.runs[position]], self.problem
-        return self.memory.outputs(
-            run, theta, effects, problem, lambda: self.predict(run, theta, effects, problem)
-        )
+        return kept.outputs(run, theta, effects, problem, lambda: self.predict(run, theta, effects, problem))
 
     def pushes(
         self, theta: Vector, effects: tuple[ActiveEffect, ...], predictions: Predictions, *, oil: bool = True
@@ -157,7 +159,9 @@ class Objective:
     def residual(self, x: Vector, where: Coordinates) -> Vector:
         """w at ``x``, runs stacked, shape (n,)."""
         theta, effects = where.unpack(x)
-        return np.concatenate(self.of_runs(lambda i: self.whiten_run(i, self._predicted(i, theta, effects))))
+        return np.concatenate(
+            self.of_runs(lambda i: self.whiten_run(i, self._predicted(self.memory, i, theta, effects)))
+        )
 
     def columns(self, x: Vector, where: Coordinates, w: Vector, which: Sequence[int]) -> NDArray[np.float64]:
         """dw/dx for the coordinates ``which`` by forward differences, shape (n, len(which)); 0 for what is held."""
@@ -174,7 +178,8 @@ class Objective:
         def fill(task: tuple[int, int]) -> None:
             at, i = task
             step, theta, effects = moved[at]
-            result[slices[i], kept[at]] = (self.run_residual(i, theta, effects) - w[slices[i]]) / step
+            there = self.whiten_run(i, self._predicted(self.slopes, i, theta, effects))
+            result[slices[i], kept[at]] = (there - w[slices[i]]) / step
 
         self.map(fill, [(k, i) for i in self._longest_first for k in range(len(kept))])
         return result

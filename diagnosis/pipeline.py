@@ -20,6 +20,7 @@ from jointscope.diagnosis.encoder_lines import without_encoder_lines
 from jointscope.diagnosis.force_left import force_left
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.mains import without_hum
+from jointscope.diagnosis.memory import Memory
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
@@ -52,6 +53,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
     from jointscope.diagnosis.prepare import Problem
 
+SLOPES = (
+    250_000_000  # bytes of predictions beside the hypotheses' optima, which the noise of every judging weighs anew
+)
 LOOKS = 2  # times that further effects are sought on top of what was decided
 REALIGNED = 2  # times that inexact starts are found anew at the refitted base
 
@@ -139,6 +143,7 @@ def diagnose(
     specs = tuple(at_rig(spec, problem) for spec in specs)
     outside = tuple(at_rig(spec, problem) for spec in STRANGERS)
     screening, hypotheses = explore(stage, specs, effort, report, outside)
+    stage = replace(stage, objective=replace(stage.objective, slopes=Memory(SLOPES)))
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
     decision = answered(judgement)
