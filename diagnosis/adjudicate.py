@@ -45,6 +45,7 @@ REAL_TOGETHER = 150.0  # per effect of a set no part of which explains anything 
 PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
 ASKED = 3  # sets that are asked what no other form of their parts could do
+FORETELLING = 8  # leading hypotheses that are asked what is left of held-out runs, where the likeliest goes astray
 POLISHED = 3  # leading hypotheses that are refitted under the final noise
 MORE = 30.0  # nats by which one effect that is too small to matter must lead what stands
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
@@ -155,9 +156,9 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
         everything.extend(parts_of(objective, pair, {h.names for h in everything}))
     everything = no_part_below_the_base(objective, everything)
     everything.extend(twins(objective.problem, everything))
-    held, noise, _ = of_further_runs(
-        objective, held_runs, noise, MAX_ORDER, *best.fit.coordinates.unpack(best.fit.x)
-    )
+    known = (best, everything[0], *sorted(everything[1:], key=lambda h: h.loss)[:FORETELLING])
+    models = [h.fit.coordinates.unpack(h.fit.x) for h in known]
+    held, noise, _ = of_further_runs(objective, held_runs, noise, MAX_ORDER, models)
     judged = tuple(evidence(h, objective, held) for h in everything)
     whole = replace(
         objective, runs=(*objective.runs, *held_runs), whiteners=(*objective.whiteners, *held.whiteners)

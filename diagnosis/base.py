@@ -51,6 +51,9 @@ class Stage:
     predictions: Predictions
 
 
+ASTRAY = math.log(
+    4.0
+)  # of the mean squared error of runs that were not fitted, by which the likeliest model goes astray there
 EDGE = 0.01  # of the longest travel
 CONTRAST = 2  # runs on either side of a payload's, or a drift's, middle
 
@@ -209,15 +212,34 @@ def of_further_runs(
     runs: tuple[int, ...],
     noise: NoiseModel,
     max_order: int,
-    theta: Vector,
-    effects: tuple[ActiveEffect, ...],
+    models: Sequence[tuple[Vector, tuple[ActiveEffect, ...]]],
 ) -> tuple[Objective, NoiseModel, Predictions]:
-    """Other runs whitened by ``noise``, completed by what is left of kinds of channels that were not fitted."""
+    """Other runs whitened by ``noise``, completed by what is left of kinds of channels that were not fitted.
+
+    Args:
+        models: Parameters and effects by which it is told what is left, the likeliest first; where that one goes astray
+            in these runs, the one that goes least. No run is as noisy as a stop makes it that it never comes to.
+    """
     other = replace(objective, runs=runs, whiteners=())
-    predictions = other.predictions(theta, effects)
+    told = [other.predictions(*model) for model in models]
+    astray = [_error(other, predictions) for predictions in told]
+    chosen = 0 if astray[0] < min(astray) + ASTRAY else int(np.argmin(astray))
+    theta, effects = models[chosen]
+    predictions = told[chosen]
     pushed, way = _heard(other, theta, effects, predictions, max_order)
     noise = completed(noise, other.prepared, predictions, max_order, way, pushed)
     return whitened(other, noise, predictions, pushed), noise, predictions
+
+
+def _error(objective: Objective, predictions: Predictions) -> float:
+    """Mean over outputs of the logarithm of their squared error, infinite where one is not finite."""
+    squares = [
+        float(np.mean(np.square((output.data - y)[output.mask])))
+        for run, predicted in zip(objective.prepared, predictions, strict=True)
+        for output, y in zip(run.outputs, predicted, strict=True)
+        if output.mask.any()
+    ]
+    return float(np.mean([math.log(s + 1e-300) if math.isfinite(s) else math.inf for s in squares] or [0.0]))
 
 
 def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: ThreadPoolExecutor) -> Stage:

@@ -47,7 +47,7 @@ def _all_runs(stage: Stage) -> Objective:
     """All runs of the problem, held-out ones too, whitened by the noise of ``stage``."""
     every_run = tuple(range(len(stage.objective.problem.runs)))
     theta, effects = stage.fit.coordinates.unpack(stage.fit.x)
-    return of_further_runs(stage.objective, every_run, stage.noise, EARLY_ORDER, theta, effects)[0]
+    return of_further_runs(stage.objective, every_run, stage.noise, EARLY_ORDER, [(theta, effects)])[0]
 
 
 def run_steps(stage: Stage, name: str, everything: Objective | None = None) -> tuple[Vector, Vector]:

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointscope.diagnosis.base import refit_base
+from jointscope.diagnosis.base import of_further_runs, refit_base
+from jointscope.diagnosis.noise import MAX_ORDER
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.refit import covariance, with_fresh_jacobian
+from jointscope.diagnosis.split import split_runs
 
 HITS, GAIN = 6, 0.02
 
@@ -44,3 +46,20 @@ def test_an_inertia_is_no_surer_than_the_hits_gains(builders, plant):
     assert 0.7 < sigma / (stage.noise.gain / math.sqrt(HITS)) < 1.3
     inertia = theta[list(problem.base.names).index("load_inertia")]
     assert abs(inertia / light.J_L - 1.0) < 4.0 * GAIN / math.sqrt(HITS)
+
+
+def test_a_model_that_goes_astray_does_not_say_how_noisy_other_runs_are(problem, truth):
+    """A stop that the fitted runs never came to would make the held-out ones five hundred times as noisy."""
+    split = split_runs(problem)
+    astray = truth.copy()
+    astray[problem.base.names.index("stiffness")] *= 1.3
+    with ThreadPoolExecutor(1) as pool:
+        stage = refit_base(problem, predict_outputs, split.estimate, pool)
+        right, wrong = (truth, ()), (astray, ())
+        alone, of_wrong, both, first = (
+            of_further_runs(stage.objective, split.held_out, stage.noise, MAX_ORDER, models)[0]
+            for models in ([right], [wrong], [wrong, right], [right, wrong])
+        )
+    level = [objective.whiteners[0].filters[0].sigma for objective in (alone, of_wrong, both, first)]
+    assert level[1] > 5.0 * level[0]
+    assert level[2] == level[3] == level[0]
