@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.adjudicate import compare, score
-from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, without_drift
+from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, mean_floor, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.outside import resembled
 from jointscope.diagnosis.verdict import TOO_MANY, adequacy_of
@@ -82,6 +82,11 @@ def may_follow(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bo
     return not told or mean_error(told) <= (1.0 + WORSE) * mean_error(base)
 
 
+def noise_alone(errors: Sequence[ChannelError]) -> bool:
+    """Whether what is foretold is wrong by no more than the channels' noise: then nothing that makes it worse is borne."""
+    return mean_error(errors) <= mean_floor(errors)
+
+
 def _beyond_noise(errors: Sequence[ChannelError]) -> float:
     """Mean of what the errors are beyond their floors [-]; the errors themselves where no floor is known."""
     floors = [e.floor if math.isfinite(e.floor) else 0.0 for e in errors]
@@ -112,7 +117,7 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     grows over a whole run then is an error of something else (a torque log's zero, a drive's law), for or against which
     the effect works by chance. Where those runs confirm it and only angles that drift off are foretold worse, it stays
     however far they do; and where they never come to the place that shows it (a stop), while they are foretold about as
-    well.
+    well. Where the base foretells them to within their noise none of this excuses an effect that does not.
 
     What explains far from all of the fitted runs and little of the held-out ones is no answer either (``explains_little``).
     """
@@ -123,18 +128,22 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
 
     problem = diagnosis.problem
 
-    def error(judged: Judged) -> tuple[float, list[ChannelError]]:
+    def errors_of(judged: Judged) -> tuple[ChannelError, ...]:
         theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
-        errors = channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
+        return channel_errors(problem, free, held, theta, effects, diagnosis.judgement.noise)
+
+    def error(judged: Judged) -> tuple[float, list[ChannelError]]:
+        errors = errors_of(judged)
         told = without_drift(problem, errors)
         own = [e.apart if math.isfinite(e.apart) else e.error for e in told]
         return mean_error(errors), [replace(e, error=min(x, LOST)) for e, x in zip(told, own, strict=True)]
 
     of_base = error(base)
+    enough = noise_alone(errors_of(base))
 
     def worse(judged: Judged) -> bool:
         whole, told = error(judged)
-        if decision.verdict == "effects":
+        if decision.verdict == "effects" and not enough:
             against = compare(diagnosis.judgement, base, judged)
             unreached = against.unreached and whole < of_base[0] + UNREACHED
             if unreached or borne(whole / max(of_base[0], 1e-300), told, of_base[1], confirmed(against)):

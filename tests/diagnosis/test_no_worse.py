@@ -13,7 +13,14 @@ from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
-from jointscope.diagnosis.no_worse import SECOND_CHOICE, borne, clearly_better, explains_little, may_follow
+from jointscope.diagnosis.no_worse import (
+    SECOND_CHOICE,
+    borne,
+    clearly_better,
+    explains_little,
+    may_follow,
+    noise_alone,
+)
 from jointscope.diagnosis.predict import predict_outputs
 
 
@@ -209,3 +216,12 @@ def test_what_explains_little_is_no_answer(explained, told, base, little):
         return [ChannelError("r", "hammer", "linear-acceleration@arm", value, 0.06)]
 
     assert explains_little(explained, errors(told), errors(base)) is little
+
+
+@pytest.mark.parametrize(
+    ("errors", "alone"), [((0.011, 0.013), True), ((0.011, 0.02), False), ((0.011, math.nan), True)]
+)
+def test_what_is_foretold_to_within_its_noise_leaves_nothing_to_explain(errors, alone):
+    """A channel that is silent says nothing of it."""
+    told = [ChannelError("a", "speed-motion", f"acceleration@{k}", e, 0.0123) for k, e in enumerate(errors)]
+    assert noise_alone(told) is alone
