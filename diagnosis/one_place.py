@@ -92,11 +92,11 @@ def passed(objective: Objective, judged: Judged, key: Key, *, held: bool) -> Pas
     return Passed(np.concatenate(ws)[order], q[order], np.concatenate(ways)[order])
 
 
-def _places(samples: Passed) -> list[Place]:
+def _places(samples: Passed, unit: str) -> list[Place]:
     low, high = float(samples.q[0]), float(samples.q[-1])
     travel = high - low
     return [
-        Place(float(angle), width * travel)
+        Place(float(angle), width * travel, unit)
         for width in WIDTHS
         for angle in np.arange(low + ENDS * travel, high - ENDS * travel, width * travel)
     ]
@@ -115,6 +115,7 @@ def _explained(samples: Passed, place: Place) -> tuple[float, Vector]:
 def in_one_place(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
     """The best place of every kind of channel that was fitted and held out in runs that travel."""
     objective, held = judgement.objective, judgement.held
+    unit = "m" if objective.problem.rig.motion == "translational" else "rad"
     keys = dict.fromkeys(
         block_key(run, o) for run in objective.prepared for o in run.outputs if o.quantity not in FORCES
     )
@@ -124,7 +125,7 @@ def in_one_place(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
         kept = passed(held, judged, key, held=True)
         if fitted is None or kept is None or fitted.q.size < FEWEST:
             continue
-        places = _places(fitted)
+        places = _places(fitted, unit)
         tried = objective.map(functools.partial(_explained, fitted), places)
         best = int(np.argmax([explained for explained, _ in tried]))
         place, (explained, step) = places[best], tried[best]

@@ -40,12 +40,14 @@ class Place:
     """Where in the travel something sits.
 
     Attributes:
-        angle: At the joint output [rad].
-        width: Half of it [rad].
+        angle: At the joint output [``unit``].
+        width: Half of it [``unit``].
+        unit: rad, or m where the axis slides.
     """
 
     angle: float
     width: float
+    unit: str = "rad"
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,9 @@ def _sentence(left: Remainder) -> str:
     what = f"{left.key[0]}, {left.key[2]} of the {left.key[3]}: "
     if left.place is None:
         return f"{what}{100.0 * left.material:.2g} % of the signal still {_what(left)}, in runs that were not fitted too"
-    where = f"{left.place.angle:.4g} rad of the joint, within {left.place.width:.2g} rad"
+    where = (
+        f"{left.place.angle:.4g} {left.place.unit} of the joint, within {left.place.width:.2g} {left.place.unit}"
+    )
     return f"{what}{left.material:.2g} times its noise sits at {where}, in runs that were not fitted too"
 
 
@@ -193,7 +197,8 @@ def remainder_json(left: Sequence[Remainder]) -> list[dict[str, Any]]:
             "experiment": r.key[0], "channel": f"{r.key[2]}@{r.key[3]}", "gain_nats": round(r.gain, 1),
             "held_out_gain_nats": round(r.held_gain, 1),
             "share_of_signal": round(r.material, 5) if r.place is None else None,
-            "place_rad": None if r.place is None else round(r.place.angle, 6), "sentence": _sentence(r),
+            "place": None if r.place is None else {"value": round(r.place.angle, 6), "unit": r.place.unit},
+            "sentence": _sentence(r),
         }
         for r in left
         if r.stands

@@ -33,7 +33,7 @@ def run_of(rng, left):
     return run, NOISE * rng.standard_normal(t.size) + NOISE * left(t, angle(t), np.gradient(angle(t), t))
 
 
-def found_of(left, seed=1, skipped=7):
+def found_of(left, seed=1, skipped=7, motion="rotational"):
     """What three fitted and two held-out runs show, the first samples of each not scored."""
     rng = np.random.default_rng(seed)
     made = [run_of(rng, left) for _ in range(5)]
@@ -42,6 +42,7 @@ def found_of(left, seed=1, skipped=7):
 
     def objective(rows):
         return SimpleNamespace(
+            problem=SimpleNamespace(rig=SimpleNamespace(motion=motion)),
             prepared=[run for run, _ in rows],
             runs=tuple(range(len(rows))),
             whiteners=[whitener for _ in rows],
@@ -66,8 +67,10 @@ def test_a_magnet_is_found_at_its_place_and_in_the_runs_that_were_not_fitted():
     assert found.place.angle == pytest.approx(PLACE, abs=WIDTH)
     assert found.place.width == pytest.approx(WIDTH, rel=0.6)
     told = remainder_json([found])[0]
-    assert told["place_rad"] == pytest.approx(PLACE, abs=WIDTH)
+    assert told["place"]["value"] == pytest.approx(PLACE, abs=WIDTH) and told["place"]["unit"] == "rad"
     assert "rad of the joint" in told["sentence"] and told["share_of_signal"] is None
+    (slid,) = remainder_json(found_of(magnet, motion="translational"))
+    assert slid["place"]["unit"] == "m" and "m of the joint" in slid["sentence"]
 
 
 @pytest.mark.parametrize("seed", range(8))
