@@ -84,7 +84,8 @@ def may_follow(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bo
 
 def noise_alone(errors: Sequence[ChannelError]) -> bool:
     """Whether what is foretold is wrong by no more than the channels' noise: then nothing that makes it worse is borne."""
-    return mean_error(errors) <= mean_floor(errors)
+    known = [e for e in errors if math.isfinite(e.floor)]
+    return bool(known) and mean_error(known) <= mean_floor(known)
 
 
 def _beyond_noise(errors: Sequence[ChannelError]) -> float:

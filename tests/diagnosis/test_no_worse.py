@@ -222,6 +222,8 @@ def test_what_explains_little_is_no_answer(explained, told, base, little):
     ("errors", "alone"), [((0.011, 0.013), True), ((0.011, 0.02), False), ((0.011, math.nan), True)]
 )
 def test_what_is_foretold_to_within_its_noise_leaves_nothing_to_explain(errors, alone):
-    """A channel that is silent says nothing of it."""
+    """A channel that is silent says nothing of it, nor does one whose noise is not known."""
     told = [ChannelError("a", "speed-motion", f"acceleration@{k}", e, 0.0123) for k, e in enumerate(errors)]
     assert noise_alone(told) is alone
+    assert noise_alone([*told, ChannelError("a", "speed-motion", "angle@motor", 0.5, math.nan)]) is alone
+    assert not noise_alone([ChannelError("a", "speed-motion", "angle@motor", 0.001, math.nan)])
