@@ -184,10 +184,9 @@ def _sentence(left: Remainder) -> str:
     what = f"{left.key[0]}, {left.key[2]} of the {left.key[3]}: "
     if left.place is None:
         return f"{what}{100.0 * left.material:.2g} % of the signal still {_what(left)}, in runs that were not fitted too"
-    where = (
-        f"{left.place.angle:.4g} {left.place.unit} of the joint, within {left.place.width:.2g} {left.place.unit}"
-    )
-    return f"{what}{left.material:.2g} times its noise sits at {where}, in runs that were not fitted too"
+    place = left.place
+    where = f"at {place.angle:.4g} {place.unit} of the joint (within {place.width:.2g} {place.unit})"
+    return f"{what}what is left {where} is {left.material:.2g} times its noise, in runs that were not fitted too"
 
 
 def remainder_json(left: Sequence[Remainder]) -> list[dict[str, Any]]:
