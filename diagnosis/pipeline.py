@@ -25,6 +25,7 @@ from jointscope.diagnosis.next_experiment import Suggestion, suggest
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.one_place import in_one_place
+from jointscope.diagnosis.outside import far_ahead
 from jointscope.diagnosis.overtones import overtones
 from jointscope.diagnosis.plain_base import with_plain_base
 from jointscope.diagnosis.power import Unseen, unseen
@@ -149,6 +150,8 @@ def diagnose(
     decision = answered(judgement)
     report("looking once more under the noise that is left")
     for _ in range(LOOKS):
+        if far_ahead(decision):
+            break
         further = second_look(judgement, decision.chosen, screening, specs, effort)
         if not further:
             break
