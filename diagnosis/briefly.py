@@ -3,6 +3,7 @@
 Nineteen periods of a multisine say of a law's form what five do; how sure it is they say fourfold, and that is asked when
 hypotheses are judged. A sweep's beginning is not like its end: it is left whole. And a slow joint needs no fine grid: at
 25 steps per period Runge and Kutta's fourth order is 2e-3 of a sweep off, 1e-5 of a motion, where instruments leave 1e-2.
+What hits ring in need not be the joint: their grid has to resolve all they hold, too.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
+from scipy.signal import periodogram, welch
 
 from jointscope.diagnosis.opening import up_to
 from jointscope.diagnosis.problem import recorded_angle
@@ -31,7 +32,9 @@ HOLDS = 0.01  # of all power, below which a band is not asked
 ALIKE = 1.5  # times the density of the whole, or less by that
 SPANNED = 0.95  # of what the angle travels, and of the span of each input
 PER_PERIOD = 25.0  # steps of a period of the arm on its held motor, at least
-FINE_DRIVEN, FINE_HITS = 1000.0, 3000.0  # Hz, at least, of driven runs and of hits, which ring in structures too
+FINE_DRIVEN, FINE_HITS = 1000.0, 1500.0  # Hz, at least, of driven runs and of hits, whose pulse takes milliseconds
+RUNG = 0.99  # of the power that a hit's outputs hold, below the frequency that its grid resolves
+PER_RING = 6.0  # steps of that frequency's period, at least
 
 
 def briefly(run: PreparedRun, frequency: float) -> PreparedRun:
@@ -41,8 +44,17 @@ def briefly(run: PreparedRun, frequency: float) -> PreparedRun:
         frequency: Resonance of the arm on the held motor [Hz].
     """
     if run.run.experiment == "hammer":
-        return _coarser(run, max(FINE_HITS, PER_PERIOD * frequency))
+        return _coarser(run, max(FINE_HITS, PER_PERIOD * frequency, PER_RING * _rings_up_to(run)))
     return _coarser(_beginning(run), max(FINE_DRIVEN, PER_PERIOD * frequency))
+
+
+def _rings_up_to(run: PreparedRun) -> float:
+    """Frequency below which every output holds ``RUNG`` of its power [Hz]."""
+    highest = 0.0
+    for output in run.outputs:
+        frequency, power = periodogram(np.where(output.mask, output.data, 0.0), output.rate)
+        highest = max(highest, float(frequency[np.searchsorted(np.cumsum(power), RUNG * power.sum())]))
+    return highest
 
 
 def _coarser(run: PreparedRun, least: float) -> PreparedRun:

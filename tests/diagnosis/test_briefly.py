@@ -87,3 +87,26 @@ def test_a_slow_joint_is_searched_on_half_the_grid_and_foretold_alike(builders, 
 def test_a_joint_that_half_the_grid_does_not_resolve_keeps_it(builders):
     (run,) = prepared(builders, multisine, 10.0).runs
     assert briefly(run, 1.01 * run.grid_rate / 2.0 / PER_PERIOD) is run
+
+
+@pytest.fixture
+def struck(builders):
+    """One hit on the two-inertia rig, which rings at its own resonance alone."""
+    return prepare(builders.campaign_of([builders.hammer_run(builders.Plant(), 100.0, "h")]))
+
+
+def test_a_hit_is_searched_on_half_the_grid_and_foretold_alike(struck):
+    (run,) = struck.runs
+    half = briefly(run, struck.scales.frequency)
+    assert half.grid_rate == run.grid_rate / 2.0
+    (fine,), (coarse,) = (predict_outputs(r, struck.theta(), (), struck) for r in (run, half))
+    assert np.std(fine - coarse) < 1e-3 * np.std(fine)
+
+
+def test_a_hit_keeps_the_grid_that_its_structure_rings_in(struck):
+    (run,) = struck.runs
+    (output,) = run.outputs
+    ring = np.std(output.data) * np.sin(2.0 * np.pi * 0.2 * run.grid_rate * output.times)
+    assert (
+        briefly(replace(run, outputs=(replace(output, data=output.data + ring),)), 10.0).grid_rate == run.grid_rate
+    )
