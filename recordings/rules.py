@@ -193,6 +193,8 @@ def _check_channel(channel: Table, rig: Table, file: Path, where: str) -> None:
     if rig["motion"] == "translational" and quantity in _TURNING:
         _check_screw(channel, rig, file, where)
     _check_unit(channel, file, where, quantity, unit)
+    if quantity == "speed-command" and unit == "m/s":
+        _check_slide(rig, file, where)
     for key, quantities in _KEYS_OF.items():
         if key in channel and quantity not in quantities:
             raise CampaignError(
@@ -242,6 +244,15 @@ def _check_screw(channel: Table, rig: Table, file: Path, where: str) -> None:
         raise CampaignError(
             file, f"{where}.side", "the output of a translational rig slides", value="output",
             fix="quantity = 'force' for what acts on the slide",
+        )  # fmt: skip
+
+
+def _check_slide(rig: Table, file: Path, where: str) -> None:
+    """A command in m/s is the slide's own, and its motor's where that is counted in metres too."""
+    if rig["motion"] != "translational" or rig.get("reduction_ratio", 1.0) != 1.0:
+        raise CampaignError(
+            file, f"{where}.unit", "this motor is not counted in metres", value="m/s",
+            fix="write 'rad/s' or 'rpm'; 'm/s' is for rig.motion = 'translational' with a reduction_ratio of 1",
         )  # fmt: skip
 
 

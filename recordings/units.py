@@ -32,7 +32,7 @@ FIXED: Final[dict[Quantity, dict[str, float]]] = {
     "angular-acceleration": {"rad/s^2": 1.0},
     "angle": _ANGLE,
     "angular-velocity": _SPEED,
-    "speed-command": _SPEED,
+    "speed-command": {**_SPEED, "m/s": 1.0},  # the latter of a slide, whose motor is counted in metres
     "position": {"m": 1.0},
     "velocity": {"m/s": 1.0},
     "acceleration": _LINEAR_ACCELERATION,
@@ -88,6 +88,8 @@ def si_unit(channel: Channel) -> str:
         return "1"
     if channel.quantity == "frf":
         return next(iter(_FRF[channel.form or ""]))
+    if channel.quantity == "speed-command" and channel.unit == "m/s":
+        return "m/s"
     return next(iter(FIXED[channel.quantity]))
 
 
