@@ -73,17 +73,19 @@ class Mount:
 
 @dataclass(frozen=True)
 class Links:
-    """In which the links' inertia is another than the file says, shape (n,) each; their weight is as in the file.
+    """In which the links' inertia is another than the file says, shape (n,) each; their weight is as in the file, but one's.
 
     Attributes:
         added: About its own joint's axis [kg m^2]: a link whose mass lies elsewhere about its centre.
         masses: As a multiple of all that the file says of it: a link of other walls.
         carried: What the last link carries, over its own inertia and over its own weight [-].
+        heavier: Which link weighs more than the file says, and by how much over its own weight [-].
     """
 
     added: tuple[float, ...]
     masses: tuple[float, ...]
     carried: tuple[float, float] = (0.0, 0.0)
+    heavier: tuple[int, float] = (0, 0.0)
 
 
 Key = tuple[tuple[bool, ...], Links, Mount | None]
@@ -148,6 +150,8 @@ class Plant:
         if any(links.carried):
             mass = mass + links.carried[0] * self.shares[:, n - 1]
             gravity = gravity + links.carried[1] * self.weights[:, n - 1]
+        if links.heavier[1]:
+            gravity = gravity + links.heavier[1] * self.weights[:, links.heavier[0]]
         moving = int(np.flatnonzero(j == self.moving)[0]) if self.moving in j else -1
         if mount is not None:
             together = np.zeros((self.mass.shape[1], 1))
