@@ -48,6 +48,7 @@ def simulate(
         h: Step [s].
         out: Result; columns X_QS ... X_TEXT.
     """
+    um, ul, y, w = (np.ascontiguousarray(x) for x in (um, ul, y, w))  # each other layout is compiled anew
     modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
     scalar = S[N_X] == 4 + 2 * modes + S[N_BRANCH] and modes <= 1
     scalar = scalar and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
