@@ -48,10 +48,7 @@ def test_its_command_is_read_as_it_is(slide):
     ("old", "new"),
     [
         ("reduction_ratio = 1.0", "reduction_ratio = 20.0"),
-        (
-            'motion = "translational"',
-            'motion = "rotational"',
-        ),
+        ('motion = "translational"', 'motion = "rotational"'),
     ],
 )
 def test_a_motor_that_turns_is_told_in_what_it_turns(slide, old, new):

@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.arm.predict import predict_outputs
+from jointscope.diagnosis.arm.problem import ArmProblem
+from jointscope.diagnosis.effects.spec import ActiveEffect
 from jointscope.models.arm.build import ElasticArm, read_arm
 from jointscope.models.arm.forward import Trajectory, step_arm
 from jointscope.models.arm.holding import HAMMER, HeldArm, HoldKind, Probe, Rest, equilibrium, hold_arm
@@ -133,3 +136,13 @@ def driven_run(
     length = torque[::every].size
     stream = Stream(file="d.npz", sampling_rate=1.0 / (every * STEP), length=length, channels=tuple(rows))
     return Run(id="d", experiment=kind, streams=(stream,), joint="a", posture=POSTURE, hold=dict(hold))  # type: ignore[arg-type]
+
+
+def misfit(problem: ArmProblem, theta: Real, effects: tuple[ActiveEffect, ...] = ()) -> list[float]:
+    """RMS error over RMS signal of every output of the first run."""
+    run = problem.runs[0]
+    predicted = predict_outputs(run, theta, effects, problem)
+    return [
+        float(np.std((o.data - y)[o.mask]) / np.std(o.data[o.mask]))
+        for o, y in zip(run.outputs, predicted, strict=True)
+    ]

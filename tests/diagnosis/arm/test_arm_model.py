@@ -65,29 +65,19 @@ def far(tmp_path_factory: pytest.TempPathFactory) -> ArmProblem:
     return prepare_arm(planar.campaign_of(folder, (run,)))
 
 
-def misfit(problem: ArmProblem, theta: Real, effects: tuple[ActiveEffect, ...] = ()) -> list[float]:
-    """RMS error over RMS signal of every output of the first run."""
-    run = problem.runs[0]
-    predicted = predict_outputs(run, theta, effects, problem)
-    return [
-        float(np.std((o.data - y)[o.mask]) / np.std(o.data[o.mask]))
-        for o, y in zip(run.outputs, predicted, strict=True)
-    ]
-
-
 def test_a_hit_is_what_mujoco_makes_of_it(hit: ArmProblem) -> None:
-    assert max(misfit(hit, true_theta(hit))) < 0.01
-    assert max(misfit(hit, true_theta(hit, **{"stiffness:b": 9900.0}))) > 0.1  # and not of another arm
+    assert max(planar.misfit(hit, true_theta(hit))) < 0.01
+    assert max(planar.misfit(hit, true_theta(hit, **{"stiffness:b": 9900.0}))) > 0.1  # and not of another arm
 
 
 def test_a_sweep_is_what_mujoco_makes_of_it(swept: ArmProblem) -> None:
-    assert max(misfit(swept, true_theta(swept))) < 0.02
+    assert max(planar.misfit(swept, true_theta(swept))) < 0.02
 
 
 def test_a_motion_is_what_mujoco_makes_of_it(far: ArmProblem) -> None:
     run = far.arm_runs[0]
     assert run.plant.moving == 0 and run.plant.mass.shape[0] > 10
-    assert max(misfit(far, true_theta(far))) < 0.02
+    assert max(planar.misfit(far, true_theta(far))) < 0.02
 
 
 def test_velocity_products_matter_in_a_motion(far: ArmProblem) -> None:

@@ -90,11 +90,7 @@ def test_a_forearm_that_is_heavier_in_mujoco_is_that_weight_beside_its_inertia(t
 
     def misfit(moment, offset_torque):
         theta[offset] = offset_torque
-        predicted = predict_outputs(problem.runs[0], theta, (ActiveEffect(law, (moment,)),), problem)
-        return max(
-            float(np.std((o.data - y)[o.mask]) / np.std(o.data[o.mask]))
-            for o, y in zip(problem.runs[0].outputs, predicted, strict=True)
-        )
+        return max(planar.misfit(problem, theta, (ActiveEffect(law, (moment,)),)))
 
     moment = 0.3 * own_weight(problem, 0, 1)
     assert misfit(moment, 0.0) < 0.5 * min(misfit(0.0, balanced), misfit(0.0, 0.0))
