@@ -22,7 +22,7 @@ check: $(VENV)/.ready
 	$(BIN)/python tests/packaging/check_distributions.py
 
 gates: $(VENV)/.ready
-	$(BIN)/jointscope gate gates.toml --out $(OUT)/gates
+	$(BIN)/jointscope gate gates.toml --workers 2 --out $(OUT)/gates
 
 targets: $(VENV)/.ready
 	$(BIN)/jointscope gate targets.toml --out $(OUT)/targets

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from jointscope.errors import JointscopeError
 from jointscope.experiments.gates.claims import PATHS, Gate, GatesFile, made_names
 
 Status = Literal["PASS", "FAIL", "NOT-TESTED"]
-Runner = Callable[[Gate], dict[str, Any]]
+Runner = Callable[[Gate], tuple[dict[str, Any], float]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +25,7 @@ class Outcome:
         margin: Distance to the bound as a share of it, negative when missed; ``None`` where it has no meaning.
         detail: Why, in a line.
         excused: Whether it is NOT-TESTED because an optional gate's material is absent; only that is no failure.
-        seconds: What the measurement took [s]; nearly nothing where another gate had it measured before.
+        seconds: What the measurement took [s]; nothing where another gate's is the same.
     """
 
     gate: Gate
@@ -154,17 +153,10 @@ def run_gate(
         gate: The claim.
         file: Its gates file, which knows the paths' places.
         made: Where the made things are.
-        runner: Turns a gate into the JSON document that its measure writes.
+        runner: Turns a gate into the JSON document that its measure writes, and the time that took [s].
         unmade: Why something could not be made, by its name; ``None`` where its own needs are absent.
     """
-    began = time.monotonic()
-    outcome = _run_gate(gate, file, made, runner, unmade or {})
-    return replace(outcome, seconds=time.monotonic() - began)
-
-
-def _run_gate(
-    gate: Gate, file: GatesFile, made: Path, runner: Runner, unmade: Mapping[str, str | None]
-) -> Outcome:
+    unmade = unmade or {}
     for name in made_names(gate):
         if unmade.get(name) is not None:
             return Outcome(gate=gate, status="FAIL", detail=f"{name} could not be made: {unmade[name]}")
@@ -174,7 +166,8 @@ def _run_gate(
         if (text := getattr(gate, key)) is not None and not file.path(text, made).exists():
             return _absent(gate, f"{key} {text} does not exist")
     try:
-        figures, several = select(runner(gate), gate.parts)
+        document, seconds = runner(gate)
+        figures, several = select(document, gate.parts)
     except KeyError as problem:
         return Outcome(gate=gate, status="FAIL", detail=str(problem.args[0]))
     except JointscopeError as problem:
@@ -185,7 +178,7 @@ def _run_gate(
         return Outcome(
             gate=gate, status="NOT-TESTED", detail=f"{'.'.join(gate.parts)} is null: it could not be measured"
         )
-    return judge_all(gate, figures) if several else judge(gate, figures[0])
+    return replace(judge_all(gate, figures) if several else judge(gate, figures[0]), seconds=seconds)
 
 
 def _absent(gate: Gate, why: str) -> Outcome:

@@ -24,7 +24,7 @@ def gate(**bound):
 
 def measured(one, document, folder=Path(), unmade=None):
     file = GatesFile(folder=folder, places={}, makes=(), gates=(one,))
-    return run_gate(one, file, folder / "made", lambda _: document, unmade)
+    return run_gate(one, file, folder / "made", lambda _: (document, 0.0), unmade)
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable
+    from concurrent.futures import Future
+
     from jointscope.experiments.gates.claims import Gate, GatesFile, Make
 
 
@@ -62,6 +65,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reuse", action="append", metavar="NAME", help="keep what an earlier call made; may be repeated"
     )
+    parser.add_argument(
+        "--workers", type=int, default=1, metavar="N", help="processes that make and measure (default: 1)"
+    )
     parser.add_argument("--json", action="store_true", help="print gates.json instead of the table")
 
 
@@ -72,37 +78,26 @@ def run(options: argparse.Namespace) -> int:
     from jointscope.experiments.gates.claims import read_gates
     from jointscope.experiments.gates.judge import run_gate, verdict
     from jointscope.experiments.gates.reports import as_json, as_junit, as_markdown
-    from jointscope.progress import track
 
     file = read_gates(options.gates)
     gates = tuple(gate for gate in file.gates if not options.group or gate.group in options.group)
     for name in options.group or ():
         if name not in {gate.group for gate in file.gates}:
             raise InputError(options.gates, "--group", "no claim has that group", value=name)
+    if options.workers < 1:
+        raise InputError(options.gates, "--workers", "must be at least 1", value=options.workers)
     made = (options.out / "made").resolve()
-    needed = file.needed(gates)
-    unmade: dict[str, str | None] = {}
-    for make in track(needed, "making", len(needed)):
-        if make.name not in (options.reuse or ()) or not (made / make.name).exists():
-            _make(file, make, made, unmade)
-    documents: dict[tuple[object, ...], dict[str, Any]] = {}
+    done = _done(file, gates, made, frozenset(options.reuse or ()), options.workers)
+    unmade = _unmade(file, file.needed(gates), made, done)
+    counted: set[Hashable] = set()
 
-    def measured(gate: Gate) -> dict[str, Any]:
-        key = (
-            gate.measure,
-            gate.campaign,
-            gate.model,
-            gate.map,
-            gate.diagnosis,
-            gate.file,
-            gate.command,
-            gate.band,
-        )
-        if key not in documents:
-            documents[key] = _measure(file, gate, made)
-        return documents[key]
+    def measured(gate: Gate) -> tuple[dict[str, Any], float]:
+        found, seconds = done[_document(gate)].result()
+        first = _document(gate) not in counted
+        counted.add(_document(gate))
+        return found, seconds if first else 0.0
 
-    outcomes = tuple(run_gate(gate, file, made, measured, unmade) for gate in track(gates, "gates", len(gates)))
+    outcomes = tuple(run_gate(gate, file, made, measured, unmade) for gate in gates)
     write_text(options.out / "gates.json", as_json(outcomes) + "\n")
     write_text(options.out / "junit.xml", as_junit(outcomes))
     write_text(options.out / "summary.md", as_markdown(outcomes))
@@ -110,28 +105,97 @@ def run(options: argparse.Namespace) -> int:
     return 0 if verdict(outcomes) else 1
 
 
-def _make(file: GatesFile, make: Make, made: Path, unmade: dict[str, str | None]) -> None:
-    """Make one thing anew; why it couldn't be goes into ``unmade``."""
+def _document(gate: Gate) -> Hashable:
+    """What gates whose figures stand in one JSON have in common."""
+    return gate.measure, gate.campaign, gate.model, gate.map, gate.diagnosis, gate.file, gate.command, gate.band
+
+
+def _done(
+    file: GatesFile, gates: tuple[Gate, ...], made: Path, reuse: frozenset[str], workers: int
+) -> dict[Hashable, Future[Any]]:
+    """All that is made, by its name, and all that is measured, by its document."""
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
+    from jointscope.experiments.gates.claims import MADE, made_names
+    from jointscope.experiments.gates.schedule import Piece, in_turn
+    from jointscope.progress import track
+
+    makes = [
+        Piece(
+            name=make.name,
+            call=(_make, (file, make, made)),
+            after=frozenset(MADE.findall(" ".join(make.command))) - {make.name},
+        )
+        for make in file.needed(gates)
+        if make.name not in reuse or not (made / make.name).exists()
+    ]
+    documents = {_document(gate): (gate.measure != "diagnose", gate) for gate in gates}
+    measures = [
+        (late, Piece(name=name, call=(_timed, (file, gate, made)), after=frozenset(made_names(gate))))
+        for name, (late, gate) in documents.items()
+    ]
+    # what takes longest begins as soon as it can
+    pieces = [piece for late, piece in measures if not late] + makes + [piece for late, piece in measures if late]
+    done: dict[Hashable, Future[Any]] = {}
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        for _ in track(in_turn(pieces, pool, workers, done), "made and measured", len(pieces)):
+            pass
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return done
+
+
+def _unmade(
+    file: GatesFile, needed: tuple[Make, ...], made: Path, done: dict[Hashable, Future[Any]]
+) -> dict[str, str | None]:
+    """Why something could not be made, by its name; ``None`` where its own needs are absent."""
+    from jointscope.experiments.gates.claims import MADE
+
+    unmade: dict[str, str | None] = {}
+    for make in needed:
+        before = [name for name in MADE.findall(" ".join(make.command)) if name in unmade]
+        if before:
+            unmade[make.name] = unmade[before[0]] and f"{before[0]}: {unmade[before[0]]}"
+        elif make.needs is not None and not file.path(make.needs, made).exists():
+            unmade[make.name] = None
+        elif make.name in done and (why := _why(done[make.name])) is not None:
+            unmade[make.name] = why
+    return unmade
+
+
+def _why(making: Future[str | None]) -> str | None:
+    """What went wrong in a making, a worker's death included."""
+    try:
+        return making.result()
+    except Exception as problem:  # what crashed makes its claims red, and the others are still measured
+        return f"crashed: {type(problem).__name__}: {problem}"
+
+
+def _make(file: GatesFile, make: Make, made: Path) -> str | None:
+    """Make one thing anew; why it couldn't be."""
     import shutil
 
     from jointscope.errors import JointscopeError
-    from jointscope.experiments.gates.claims import MADE
 
-    before = [name for name in MADE.findall(" ".join(make.command)) if name in unmade]
-    if before:
-        unmade[make.name] = unmade[before[0]] and f"{before[0]}: {unmade[before[0]]}"
-        return
-    if make.needs is not None and not file.path(make.needs, made).exists():
-        unmade[make.name] = None
-        return
     if (made / make.name).exists():  # an earlier call's
         shutil.rmtree(made / make.name)
+    if make.needs is not None and not file.path(make.needs, made).exists():
+        return f"{make.needs} does not exist"
     try:
         _call([file.resolve(word, made) for word in make.command], file.folder)
     except JointscopeError as problem:
-        unmade[make.name] = str(problem)
-    except Exception as problem:  # what crashed makes its claims red, and the others are still measured
-        unmade[make.name] = f"crashed: {type(problem).__name__}: {problem}"
+        return str(problem)
+    return None
+
+
+def _timed(file: GatesFile, gate: Gate, made: Path) -> tuple[dict[str, Any], float]:
+    """:func:`_measure` and the time it took [s]."""
+    import time
+
+    began = time.monotonic()
+    return _measure(file, gate, made), time.monotonic() - began
 
 
 def _measure(file: GatesFile, gate: Gate, made: Path) -> dict[str, Any]:
