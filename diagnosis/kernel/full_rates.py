@@ -19,6 +19,7 @@ from jointscope.diagnosis.kernel.laws import (
     rounded,
     slipping,
     tabled,
+    turned,
     with_table,
 )
 from jointscope.diagnosis.kernel.layout import *
@@ -52,8 +53,9 @@ def _rates_source(
     for i in range(S[N_TE]):
         b = TE_0 + 4 * i
         arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
-        error += P[b] * math.sin(arg)
-        slope = P[b] * math.cos(arg)
+        sine, slope = turned(arg, mem, MEM_TURN + 3 * i)
+        error += P[b] * sine
+        slope *= P[b]
         error_rate += slope * (P[b + 1] * v_s + P[b + 2] * v)
         back_m += slope * P[b + 1]
         back_l += slope * P[b + 2]
@@ -104,7 +106,9 @@ def _rates_source(
         tau = um + P[LOOP_MIX] * (held - um)
     for i in range(S[N_RIPPLE]):
         b = RIPPLE_0 + 4 * i
-        tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
+        arg = P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3]
+        sine, _ = turned(arg, mem, MEM_TURN + 3 * (LINES_EACH + i))
+        tau += (P[b] + P[b + 1] * tau) * sine
     force_m = tau - (1.0 + P[TE_REACTS] * back_m) * T - P[B_M] * v_s
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)

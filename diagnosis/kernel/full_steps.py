@@ -46,6 +46,7 @@ def simulate_full(
     pre = 0 if S[PRE_SITE] == AT_MOTOR else 2
     mem[8] = x[pre]
     mem[5] = 1e9  # angle about which weight is expanded; none yet
+    mem[MEM_TURN::3] = 1e9  # the lines' arguments alike
     mem[0] = windup_of(x, P, S, y[0])
     hyst = S[HYST_KIND] != 0
     dry_m = S[FRICTION_M] != 0 and S[MOTOR] == MOTOR_FREE

@@ -11,12 +11,28 @@ from jointscope.diagnosis.kernel.compiled import Real, compiled, inlined
 from jointscope.diagnosis.kernel.layout import *
 
 STRUCTURAL_WIDTH = 0.05  # of the velocity amplitude at REID_OMEGA over which the structural law turns round
+SATURATED = 19.0  # where tanh is 1 to 1e-16, and exp(-2 x) nothing beside it
 TURN = 0.02  # rad over which weight is expanded to third order (1e-8)
+LINE_TURN = 0.25  # rad over which a line is expanded to sixth order (1e-8)
+
+
+@inlined
+def turned(arg: float, mem: Real, at: int) -> tuple[float, float]:
+    """(sin, cos) of ``arg`` [rad], expanded about an angle nearby that ``mem`` holds from ``at`` on, and takes anew."""
+    d = arg - mem[at]
+    if abs(d) > LINE_TURN:
+        mem[at], mem[at + 1], mem[at + 2], d = arg, math.sin(arg), math.cos(arg), 0.0
+    e = d * d
+    even = 1.0 - e * (0.5 - e * (1.0 / 24.0 - e * (1.0 / 720.0)))
+    odd = d * (1.0 - e * (1.0 / 6.0 - e * (1.0 / 120.0 - e * (1.0 / 5040.0))))
+    return mem[at + 1] * even + mem[at + 2] * odd, mem[at + 2] * even - mem[at + 1] * odd
 
 
 @compiled
 def quick_tanh(x: float) -> float:
     """tanh(x) by one exponential, to 1e-16 of 1."""
+    if abs(x) > SATURATED:
+        return 1.0 if x > 0.0 else -1.0
     e = math.exp(-2.0 * abs(x))
     rise = (1.0 - e) / (1.0 + e)
     return rise if x > 0.0 else -rise
@@ -83,7 +99,9 @@ def bristle_end(s: float, v: float, P: Real) -> float:
     level = 1.0
     if P[PRE_EXCESS] != 0.0:
         r = v / P[PRE_SPEED]
-        level += P[PRE_EXCESS] * math.exp(-abs(r) if P[PRE_EXPONENT] == 1.0 else -r * r)
+        r = abs(r) if P[PRE_EXPONENT] == 1.0 else r * r
+        if r < 2.0 * SATURATED:
+            level += P[PRE_EXCESS] * math.exp(-r)
     return float(level * (1.0 + s * P[PRE_SIDED]))
 
 
@@ -100,7 +118,7 @@ def bristle(z: float, d: float, v: float, P: Real) -> float:
     level = bristle_end(s, v, P)
     r = abs(d) / (P[PRE_ANGLE] * level)
     if P[PRE_BRITTLE] == 0.0:
-        return float(s * level + (z - s * level) * math.exp(-r))
+        return float(s * level + (z - s * level) * math.exp(-r) if r < 2.0 * SATURATED else s * level)
     return s * level * (1.0 - remaining(1.0 - s * z / level, r, P[PRE_BRITTLE]))
 
 
@@ -135,7 +153,8 @@ def rounded(torque: float, speed: float, excess: float, fall: float, sided: floa
     """
     if excess != 0.0:
         r = v / fall
-        torque *= 1.0 + excess * math.exp(-r * r)
+        if r * r < 2.0 * SATURATED:
+            torque *= 1.0 + excess * math.exp(-r * r)
     rise = quick_tanh(v / speed) if speed > 0.0 else v / math.sqrt(v * v + speed * speed)
     return torque * (rise + sided * abs(rise))
 

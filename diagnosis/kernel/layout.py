@@ -101,7 +101,13 @@ N_OUT = 11
 # --- of the steppers ----------------------------------------------------------------------------------------------
 N_AUX = 17  # diagnostics of one evaluation
 MEM_SLIP = 10  # of the memory: first of the slipping springs
-N_MEM = MEM_SLIP + SLIP_ELEMENTS  # before them the wind-up, a loop, weight's angle from 5 on, bristles from 8 on
+MEM_TURN = (
+    MEM_SLIP + SLIP_ELEMENTS
+)  # (argument, sine, cosine) about which each line is expanded: errors, then ripples
+LINES_EACH = 3
+N_MEM = (
+    MEM_TURN + 6 * LINES_EACH
+)  # before all these the wind-up, a loop, weight's angle from 5 on, bristles from 8 on
 MAX_EVENTS = 12  # pieces into which dry friction may cut one step
 
 # --- what a scalar stepper holds beside the plain joint: bits -----------------------------------------------------------

@@ -22,6 +22,7 @@ from jointscope.diagnosis.kernel.laws import (
     seated,
     slipping,
     tabled,
+    turned,
     with_table,
 )
 from jointscope.diagnosis.kernel.layout import *
@@ -39,15 +40,17 @@ def _scalar_rates_source(
     """
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
-    lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre, power = on
+    lines, springs, corner, flank, rub, par, impact, sheds, power = on[:9]
+    loops, reid, kind, rubs, table, ripples, round_m, round_l, pre = on[9:]
     delta, rate = q_s - q, v_s - v
     back_m, back_l = 0.0, 0.0
     if rich:
         for i in range(lines):
             b = TE_0 + 4 * i
             arg = P[b + 1] * (q_s + P[MOTOR_ZERO]) + P[b + 2] * q + P[b + 3]
-            delta += P[b] * math.sin(arg)
-            slope = P[b] * math.cos(arg)
+            sine, slope = turned(arg, mem, MEM_TURN + 3 * i)
+            delta += P[b] * sine
+            slope *= P[b]
             rate += slope * (P[b + 1] * v_s + P[b + 2] * v)
             back_m += slope * P[b + 1]
             back_l += slope * P[b + 2]
@@ -67,25 +70,27 @@ def _scalar_rates_source(
             share = seated(el, P)
             el, contact = el * math.sqrt(share), contact * faded(share, P[GAP_FADE])
     factor, damping = 1.0 + drift * t, c * contact
-    if rich:
+    if rich and springs:
         if rub:
             damping += P[RUB] * abs(delta)
         if par:
             factor += P[PAR_SHARE] * math.sin(
                 P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE]
             )
-    T = k * factor * el + (k_2 + k_3 * el) * el * el
-    if rich and power:
-        T += powered(el, P)
-    if rich and impact:
-        damping += P[GAP_IMPACT] * abs(T)
-    T += damping * rate
-    if rich and sheds and T * el <= 0.0:
-        T = 0.0
+    secant = k * factor + (k_2 + k_3 * el) * el
+    if rich and springs:
+        beside = powered(el, P) if power else 0.0
+        if impact:
+            damping += P[GAP_IMPACT] * abs(secant * el + beside)
+        T = secant * el + (damping * rate + beside)
+        if sheds and T * el <= 0.0:
+            T = 0.0
+    else:
+        T = secant * el + damping * rate
     if k_soft != 0.0:
         T -= k_soft * (missing(el, soft, P[SOFT_SMOOTH]) if rich else min(max(el, -soft), soft))
     T += relaxing
-    if rich:
+    if rich and loops:
         if reid:
             bend = STRUCTURAL_WIDTH * P[REID_OMEGA] * delta
             T += P[REID] * k * abs(delta) * rate / math.sqrt(rate * rate + bend * bend + 1e-30)
@@ -104,19 +109,22 @@ def _scalar_rates_source(
     if rich:
         for i in range(ripples):
             b = RIPPLE_0 + 4 * i
-            tau += (P[b] + P[b + 1] * tau) * math.sin(P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3])
-    net_m = tau - T - b_m * v_s
+            arg = P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3]
+            sine, _ = turned(arg, mem, MEM_TURN + 3 * (LINES_EACH + i))
+            tau += (P[b] + P[b + 1] * tau) * sine
+    net_m = (tau - b_m * v_s) - T  # what T comes into last: each torque before it is ready while T is worked out
     if rich and lines > 0:
         net_m -= P[TE_REACTS] * back_m * T
-    if rich and table == AT_MOTOR:
-        net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
-    if rich and round_m:
-        net_m -= rounded(
-            P[ROUND_M] + P[ROUND_M_LOAD] * by_quadrant(T, P[ROUND_M_QUADRANT], v_s), P[ROUND_M_SPEED],
-            P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s,
-        )  # fmt: skip
-    if rich and pre == AT_MOTOR:
-        net_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
+    if rich and rubs:
+        if table == AT_MOTOR:
+            net_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
+        if round_m:
+            net_m -= rounded(
+                P[ROUND_M] + P[ROUND_M_LOAD] * by_quadrant(T, P[ROUND_M_QUADRANT], v_s), P[ROUND_M_SPEED],
+                P[ROUND_M_EXCESS], P[ROUND_M_FALL], P[ROUND_M_SIDED], v_s,
+            )  # fmt: skip
+        if pre == AT_MOTOR:
+            net_m -= bristles(mem[9], q_s - mem[8], v_s, T, P)
     level_m = f[5] * abs(T)
     a_s, dq_s, dv_s = 0.0, 0.0, 0.0
     if not held:
@@ -125,10 +133,10 @@ def _scalar_rates_source(
             if sm == 0:
                 dq_s = lift
             else:
-                a_s = (net_m - sm * (level_m + friction(f[0], f[1], f[2], f[3], f[4], v_s, sm))) / J_m
+                a_s = (net_m - sm * friction(f[0], f[1], f[2], f[3], f[4], v_s, sm) - sm * level_m) * (1.0 / J_m)
                 dv_s = a_s + push
         else:
-            a_s = net_m / J_m
+            a_s = net_m * (1.0 / J_m)
             dv_s = a_s + push
     net_m += J_m * push
 
@@ -148,18 +156,19 @@ def _scalar_rates_source(
     d = angle - turn[0]
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
-    net_l = T + ul - b_l * v - weight - g_cos * cosine + g_sin * sine - (drag * v + sided) * abs(v)
+    net_l = T + ((ul - weight) - b_l * v + (g_sin * sine - g_cos * cosine) - (drag * v + sided) * abs(v))
     if rich and lines > 0:
         net_l -= P[TE_REACTS] * back_l * T
-    if rich and table == AT_LOAD:
-        net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
-    if rich and round_l:
-        net_l -= rounded(
-            P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
-            P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
-        )  # fmt: skip
-    if rich and pre == AT_LOAD:
-        net_l -= bristles(mem[9], q - mem[8], v, T, P)
+    if rich and rubs:
+        if table == AT_LOAD:
+            net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
+        if round_l:
+            net_l -= rounded(
+                P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
+                P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
+            )  # fmt: skip
+        if pre == AT_LOAD:
+            net_l -= bristles(mem[9], q - mem[8], v, T, P)
     if mode == 1 or mode == 2:
         net_l += (J_l - inertia) * pull
         if mode == 1:
@@ -174,11 +183,11 @@ def _scalar_rates_source(
     dq, dv, a = lift, 0.0, mount
     if dry_l:
         if sl != 0:
-            a = (net_l - sl * (level_l + friction(f[6], f[7], f[8], f[9], f[10], v, sl))) / inertia
-            dq, dv = v + lift, a - mount + push
+            a = (net_l - sl * friction(f[6], f[7], f[8], f[9], f[10], v, sl) - sl * level_l) * (1.0 / inertia)
+            dq, dv = v + lift, a + (push - mount)
     else:
-        a = net_l / inertia
-        dq, dv = v + lift, a - mount + push
+        a = net_l * (1.0 / inertia)
+        dq, dv = v + lift, a + (push - mount)
     net_l += inertia * (push - mount)
     link = mount  # of the mode that hammer and sensor may ride on
     if mode == 1 or mode == 2:

@@ -33,7 +33,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
     """One loop, compiled for what it ``holds`` (bits of the layout) with the motor free or ``HELD``.
 
     What it does not hold the compiler leaves out: with all laws on offer a step takes five times as long as a plain one, with
-    lines alone, or all but lines and modes, twice. A branch's rate is that of the wind-up less its own,
+    all but lines and modes, or lines and friction alone, three times. A branch's rate is that of the wind-up less its own,
     z' = Delta' - z/tau, so its stages need no more of the joint than its speeds.
     """
     LINES, SPRINGS, LOOPS, RUBS = (bool(holds & bit) for bit in (HAS_LINES, HAS_SPRINGS, HAS_LOOPS, HAS_RUBS))
@@ -62,10 +62,8 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
             P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], P[FL_LOAD],
         )  # fmt: skip
         # what is switched on, read once: each look would cost every stage
-        on = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)  # fmt: skip
-        lines, corner, flank, rub, par, impact, sheds, reid, kind, table, ripples, round_m, round_l, pre, power = (
-            on
-        )
+        lines, ripples, corner, flank, rub, par, impact, sheds, power = 0, 0, 0, 0, 0, 0, 0, 0, 0
+        reid, kind, table, round_m, round_l, pre = 0, 0, 0, 0, 0, 0
         if LINES:
             lines, ripples = S[N_TE], S[N_RIPPLE]
         if SPRINGS:
@@ -76,28 +74,18 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
             reid, kind, table = int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE]
         if RUBS:
             round_m, round_l, pre = int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE]
+        springs, loops = rub | par | impact | sheds | power, reid | kind | int(table == AT_TRANSMISSION)
+        rubs = table | round_m | round_l | pre
         on = (
-            lines,
-            corner,
-            flank,
-            rub,
-            par,
-            impact,
-            sheds,
-            reid,
-            kind,
-            table,
-            ripples,
-            round_m,
-            round_l,
-            pre,
-            power,
-        )
+            lines, springs, corner, flank, rub, par, impact, sheds, power,
+            loops, reid, kind, rubs, table, ripples, round_m, round_l, pre,
+        )  # fmt: skip
         turn = (q, math.cos(q), math.sin(q))
         sm = 1 if v_s > 0.0 else (-1 if v_s < 0.0 else 0)
         sl = 1 if v > 0.0 else (-1 if v < 0.0 else 0)
         dry_m = dry_m and not HELD
         mem = np.zeros(N_MEM)
+        mem[MEM_TURN::3] = 1e9  # arguments about which lines are expanded; none yet
         hyst = kind != 0
         if RICH:
             mem[0] = windup_of_scalars(q_s, q, P, S)
@@ -289,12 +277,9 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
     return compiled(integrate)
 
 
-# By what they hold, in the order of the time a step takes: the first that holds all that a joint needs steps it.
-BENT = HAS_SPRINGS | HAS_LOOPS | HAS_RUBS
-FREE = {
-    holds: _scalar_simulator(holds, HELD=False)
-    for holds in (0, HAS_MODE, HAS_LINES, BENT, HAS_MODE | HAS_BRANCHES, HAS_ALL)
-}
-FIXED = {
-    holds: _scalar_simulator(holds, HELD=True) for holds in (0, HAS_MODE, BENT, HAS_MODE | HAS_BRANCHES, HAS_ALL)
-}  # lines are left to the last: what repeats with the turn is not for hits
+# By what they hold, in the order of the time a step takes: the first that holds all that a joint needs steps it. Friction
+# and lines stand together, as they do in most searches: each costs the other 70 ns a step, and all laws on offer 150.
+BENT, TURNING = HAS_SPRINGS | HAS_LOOPS | HAS_RUBS, HAS_LINES | HAS_RUBS
+HOLDS = (0, HAS_MODE, TURNING, BENT, HAS_MODE | HAS_BRANCHES, HAS_ALL)
+FREE = {holds: _scalar_simulator(holds, HELD=False) for holds in HOLDS}
+FIXED = {holds: _scalar_simulator(holds, HELD=True) for holds in HOLDS}

@@ -40,15 +40,22 @@ class Plant:
     extra: Callable[[float, np.ndarray], tuple[float, float]] | None = None
 
     def rates(self, load, motor, braked: bool):
-        J_M = self.J_m * self.n**2
+        J_M, K, c, J_L, weight = self.J_m * self.n**2, self.K, self.c, self.J_L, self.weight
+        b_m, b_l, extra, cos = (
+            self.b_m,
+            self.b_l,
+            self.extra,
+            math.cos,
+        )  # looked up once: f is called a million times
 
         def f(t, x):
-            q_s, v_s, q, v = x
-            T = self.K * (q_s - q) + self.c * (v_s - v)
-            m, arm = (0.0, 0.0) if self.extra is None else self.extra(t, x)
-            a = (T + load(t) - self.weight * math.cos(q) - self.b_l * v + arm) / self.J_L
-            a_s = 0.0 if braked else (motor(t) - T - self.b_m * v_s + m) / J_M
-            return [0.0 if braked else v_s, a_s, v, a]
+            q_s, v_s, q, v = x.tolist()
+            T = K * (q_s - q) + c * (v_s - v)
+            m, arm = (0.0, 0.0) if extra is None else extra(t, (q_s, v_s, q, v))
+            a = (T + load(t) - weight * cos(q) - b_l * v + arm) / J_L
+            if braked:
+                return 0.0, 0.0, v, a
+            return v_s, (motor(t) - T - b_m * v_s + m) / J_M, v, a
 
         return f
 
@@ -56,7 +63,7 @@ class Plant:
         start = [q0 + self.weight * math.cos(q0) / self.K, 0.0, q0, 0.0]
         f = self.rates(load, motor, braked)
         solution = solve_ivp(
-            f, (0.0, duration), start, method="DOP853", rtol=1e-8, atol=1e-11, max_step=1e-3, dense_output=True
+            f, (0.0, duration), start, method="DOP853", rtol=1e-8, atol=1e-11, max_step=2e-3, dense_output=True
         ).sol
         return solution, f
 

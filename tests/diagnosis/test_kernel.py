@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from jointscope.diagnosis import kernel as k
 from jointscope.diagnosis.effects.transmission import branches
 from jointscope.diagnosis.kernel.compiled import SOURCES, digest
+from jointscope.diagnosis.kernel.laws import turned
 from jointscope.diagnosis.kernel.scalar_steps import FREE
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -35,6 +36,23 @@ def crossings(t, q):
 def frequency(t, q):
     c = crossings(t, q)
     return (len(c) - 1) / 2.0 / (c[-1] - c[0])
+
+
+def test_a_line_is_its_sine_however_the_argument_gets_there():
+    """Expanded about an angle nearby: slow and fast, backwards, and by leaps; what is held is taken anew on the way."""
+    rng = np.random.default_rng(2)
+    path = np.concatenate(
+        [
+            np.linspace(0.0, 3.0, 400),
+            np.linspace(3.0, -40.0, 300),
+            rng.uniform(-1e3, 1e3, 300),
+            [7.0, 7.0, 7.25, 6.75],
+        ]
+    )
+    mem = np.array([1e9, 0.0, 0.0])
+    told = np.array([turned(arg, mem, 0) for arg in path])
+    assert np.max(np.abs(told - np.column_stack([np.sin(path), np.cos(path)]))) < 2e-8
+    assert mem[0] != 1e9
 
 
 def test_undamped_joint_conserves_energy():
