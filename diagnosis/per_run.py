@@ -167,7 +167,7 @@ def loaded(problem: Problem, inertia: Vector, errors: Vector) -> Loaded | None:
     where it has none, by the cut of the experiment that tells most, and where none has any, by the two groups of all.
     """
     kinds = np.array([run.run.experiment for run in problem.runs])
-    ordered = sorted(set(kinds), key=lambda k: -int(np.sum(telling(inertia, errors) & (kinds == k))))
+    ordered = sorted(sorted(set(kinds)), key=lambda k: -int(np.sum(telling(inertia, errors) & (kinds == k))))
     parted = [p for p in (_parted(inertia, errors, kinds == kind) for kind in ordered) if p is not None]
     if not parted:
         everyone = _parted(inertia, errors, np.ones_like(errors, dtype=bool))
