@@ -12,7 +12,7 @@ demo: $(VENV)/.ready
 	$(BIN)/jointscope demo --out $(OUT)/demo
 
 test: $(VENV)/.ready
-	$(BIN)/python -m pytest -n 2 -q
+	$(BIN)/python -m pytest -n 2 --dist worksteal -q
 
 check: $(VENV)/.ready
 	$(BIN)/ruff check .

@@ -26,6 +26,7 @@ from jointscope.recordings.bandlimited import bandlimited
 
 RATE = -0.09  # 1/s
 NOISE = 0.05  # m/s^2
+ONE = search.Effort(beam=0, children=0, pairs=0, size=1)  # which single effect leads, with no pairs tried
 
 
 @pytest.fixture(scope="module")
@@ -54,16 +55,16 @@ def hits(builders):
     return made
 
 
-def answered(campaign):
+def answered(campaign, effort):
     problem = prepare(campaign)
     with ThreadPoolExecutor(2) as pool:
-        found = diagnose(problem, predict_outputs, catalogue(problem), pool)
+        found = diagnose(problem, predict_outputs, catalogue(problem), pool, effort=effort)
         return found, diagnosis_json(found, free_prediction)
 
 
 def test_a_spring_that_slips_by_turns_is_found_from_the_prepared_start(hits):
     """By the end the phase is a turn off any fixed stiffness; the base wanders off, the law is named all the same."""
-    found, answer = answered(hits(RATE, 1024.0))
+    found, answer = answered(hits(RATE, 1024.0), ONE)
     assert found.decision.chosen.names == ("stiffness-drift@transmission",)
     assert answer["effects"][0]["parameters"]["rate"]["value"] == pytest.approx(RATE, rel=0.02)
     foretold = {tuple(row["effects"]): row.get("held_out_error") for row in answer["ranking"]}
@@ -73,7 +74,7 @@ def test_a_spring_that_slips_by_turns_is_found_from_the_prepared_start(hits):
 
 def test_a_thinned_record_has_its_floor_and_a_null_stays_one(hits):
     """Recorded at 8 kHz and compared at 2: the floor of a perfect model is the noise of the whole record."""
-    found, answer = answered(hits(0.0, 8192.0))
+    found, answer = answered(hits(0.0, 8192.0), search.Effort())
     assert found.problem.runs[0].outputs[0].recorded_rate == 8192.0
     assert found.decision.verdict == "none"
     held = json.loads(json.dumps(answer["held_out"]))
