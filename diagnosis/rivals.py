@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
@@ -40,6 +41,10 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 STUCK = 300.0  # nats behind a leader of the same names, from which on another law of one of them is fitted from its numbers
+DAMPING = BASE_INDEX["damping"]
+GIVEN_BACK = (
+    5.0  # times the leader's damping, from which on the base's stands for the leader's effects, and is no start
+)
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more
 )
@@ -233,8 +238,21 @@ def _in_place(
     objective: Objective, base: Fit, place: _Place, active: ActiveEffect, effort: Effort
 ) -> list[Hypothesis]:
     """The set with ``active`` in this place, where the fit ends better than the base."""
-    fit = fit_child(objective, base, [*place.others, active], effort, [place.theta])
-    return [] if fit is None else [Hypothesis((*place.kept, active.spec), fit, profile_loss(objective, fit.w))]
+    parent, bases = base, [place.theta]
+    if base.coordinates.unpack(base.x)[0][DAMPING] > GIVEN_BACK * place.theta[DAMPING]:
+        parent, bases = _at(objective, base, place.theta), []
+    fit = fit_child(objective, parent, [*place.others, active], effort, bases)
+    if fit is None or not fit.chi2 < base.chi2:
+        return []
+    return [Hypothesis((*place.kept, active.spec), fit, profile_loss(objective, fit.w))]
+
+
+def _at(objective: Objective, base: Fit, theta: Vector) -> Fit:
+    """The base at other parameters, as it stands there."""
+    where = base.coordinates
+    x = where.pack(theta, ())
+    w = objective.residual(x, where)
+    return Fit(where, x, w, objective.columns(x, where, w, range(where.n)), math.nan, False, True, 1)
 
 
 def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:

@@ -17,6 +17,7 @@ from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten, worst_misfit
+from jointscope.diagnosis.bent_loop import bent_loop
 from jointscope.diagnosis.bent_play import bent_play
 from jointscope.diagnosis.briefly import briefly
 from jointscope.diagnosis.by_posture import by_posture
@@ -369,6 +370,7 @@ def explore(
         pairs.extend(heavy_modes(arena.objective, parent.fit, candidates, best))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
     pairs.extend(_bent_play(arena, stage, pairs, specs))
+    pairs.extend(bent_loop(arena.objective, arena.base, arena.hypotheses, pairs, specs))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
         if not _worth_more(arena, size - 1):
