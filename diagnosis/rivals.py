@@ -126,7 +126,7 @@ def grown(
     found: list[Hypothesis] = []
     blind = all(run.observed is None for run in objective.problem.runs)
     for place in _places(leader):
-        wider = {outer for inner, outer in CONTAINED if inner == place.spec.name}
+        wider = {outer for inner, outer in CONTAINED if inner == place.spec.name and place.effect.values[0] > 0.0}
         about = [
             falling_about(c, place.effect.values[0])
             for c in candidates

@@ -19,7 +19,7 @@ from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
-from jointscope.diagnosis.rivals import _elsewhere, _freer, contained, same_numbers
+from jointscope.diagnosis.rivals import _elsewhere, _freer, contained, grown, same_numbers
 from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
 from jointscope.diagnosis.twins import (
     BETWEEN,
@@ -252,6 +252,16 @@ def test_the_simpler_friction_is_fitted_from_where_the_wider_one_is(problem, rec
         near = contained(objective, base, leader, candidates, {name: -math.inf}, Effort())
     assert [h.names for h in stuck] == [name]
     assert near == []
+
+
+def test_about_a_friction_of_nothing_none_is_sought(problem):
+    """Fitted to no torque at all, a Coulomb friction bounds a Stribeck friction to nothing: its logarithm was a traceback."""
+    nothing = ActiveEffect(law(problem, "coulomb-friction", "plain", "load"), (0.0,))
+    wider = candidates_for(problem, (law(problem, "stribeck-friction", "gaussian", "load"),))
+    where = coordinates(problem, (nothing.spec,))
+    x = where.pack(problem.base.start, (nothing,))
+    leader = SimpleNamespace(specs=(nothing.spec,), fit=SimpleNamespace(coordinates=where, x=x))
+    assert grown(SimpleNamespace(problem=problem), None, leader, wider, Effort()) == []
 
 
 def test_a_soft_middle_lends_the_play_that_leaves_the_same_spring_outside(problem):
