@@ -198,6 +198,22 @@ def test_what_is_made_is_made_anew_in_order_and_only_where_needed(tmp_path):
     assert [make.name for make in file.needed(file.gates[1:2])] == ["bench", "bad"]
 
 
+def test_several_processes_judge_alike_and_none_is_refused(tmp_path, capsys):
+    """The same rows by one process as by two, but for the time; no process at all is one line."""
+    (tmp_path / "result.json").write_text('{"score": 0.5, "other": 2.0}')
+    more = RESULT.replace('"c"', '"d"') + 'figure = "other"\nbelow = 1.0\n'
+    (tmp_path / "gates.toml").write_text(HEAD + RESULT + 'figure = "score"\nabove = 0.4\n' + more)
+    rows = []
+    for workers in ("1", "2"):
+        command = ["gate", str(tmp_path / "gates.toml"), "--out", str(tmp_path / workers), "--workers", workers]
+        assert main(command) == 1
+        found = json.loads((tmp_path / workers / "gates.json").read_text())["gates"]
+        rows.append([{key: row[key] for key in row if key != "seconds"} for row in found])
+    assert rows[0] == rows[1] and [row["status"] for row in rows[0]] == ["PASS", "FAIL"]
+    assert main([*command[:-1], "0"]) == 2
+    assert "--workers" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "key"),
     [
