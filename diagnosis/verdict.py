@@ -306,12 +306,22 @@ def _owed(found: Sequence[Remainder]) -> float:
 def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: Sequence[Remainder]) -> Decision:
     """The answer where the input itself, at a few lags, explains about as much as the named effects: a pickup does that.
 
+    Or where a quarter of a channel still follows it.
+
     Args:
         left: What the named effects leave and follows the input: nothing, where they are right and all there is.
         at_base: The same of the base; what the named effects took of it is what they are held against.
     """
     if decision.verdict != "effects" or decision.candidates or not any(r.stands for r in left):
         return decision  # what rivals share is all that is named, and each of them follows the input beside it
+    most = max(r.material for r in left if r.stands)
+    if most > NOT_FOLLOWED:
+        return replace(
+            decision,
+            verdict="unknown",
+            probability=beyond(most / NOT_FOLLOWED),
+            unknown_reason="outside-catalogue",
+        )
     followed = _owed(at_base) - _owed(left)  # what is left owes to something else
     named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
     if _owed(left) < BY_FORM * named:

@@ -138,3 +138,14 @@ def test_what_the_noise_of_the_input_may_do_is_no_mismatch(echo, stands):
     """A log shows the white part of its noise only; coloured noise of the same log rings by a few times as much."""
     key = ("speed-motion", False, "wind-up", "transmission", "tangential", -1.0, 1000.0)
     assert Remainder(key, 200.0, 150.0, 140.0, 0.01, echo).stands == stands
+
+
+@pytest.mark.parametrize(("material", "verdict"), [(0.2, "effects"), (0.3, "unknown")])
+def test_where_a_quarter_of_a_channel_still_follows_the_input_nothing_is_named(material, verdict):
+    """However much was explained: a dead band of the drive is no gain, though a gain is worth 6000 nats."""
+    judged = SimpleNamespace(names=("torque-gain@motor",))
+    named = Ranked(judged.names, 1.0, 9e5, judged, SimpleNamespace(material=0.5))
+    decision = Decision("effects", judged, 1.0, (named,), None, (), SimpleNamespace())
+    key = ("speed-motion", False, "linear-acceleration", "arm", "tangential", 0.9, 1000.0)
+    left = Remainder(key, 90.0, 120.0, 100.0, material)
+    assert with_followed_input(decision, (left,), ()).verdict == verdict
