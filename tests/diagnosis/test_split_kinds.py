@@ -28,7 +28,7 @@ def slack(t, x):
 
 
 def whole_experiment_kept_back(own):
-    """The diagnosis of five hits by play, sweeps kept back, and what holds for any of them."""
+    """The diagnosis of three hits by play, sweeps kept back, and what holds for any of them."""
     specs = tuple(s for s in catalogue(own) if (s.name, s.location) == ("backlash", "transmission"))
     with ThreadPoolExecutor(1) as pool:
         found = diagnose(own, predict_outputs, specs, pool, effort=QUICK)
@@ -40,7 +40,7 @@ def whole_experiment_kept_back(own):
 
 
 def takes(builders, plant):
-    hits = [builders.hammer_run(plant, 100.0 + 40.0 * k, f"h{k}") for k in range(5)]
+    hits = [builders.hammer_run(plant, 100.0 + 40.0 * k, f"h{k}") for k in range(3)]
     sweeps = [replace(builders.sweep_run(plant, 40.0 + 5.0 * k, f"s{k}"), role="validate") for k in range(2)]
     return [*hits, *sweeps]
 
