@@ -76,16 +76,9 @@ def _damping_ratio(base: Hypothesis) -> float:
 def _fitted(objective: Objective, base: Hypothesis, spring: Hypothesis, loop: EffectSpec) -> Hypothesis:
     """The loop beside the spring, from where the two together leave least."""
     where = coordinates(objective.problem, (*spring.specs, loop))
-    starts = [where.pack(theta, effects) for theta, effects in _trials(objective, base, spring, loop)]
-    costs = [float(w @ w) for w in (objective.residual(x, where) for x in starts)]
-    fit = least_squares(
-        objective,
-        where,
-        starts[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))],
-        iterations=20,
-        tolerance=3e-3,
-        simulations=SIMULATIONS,
-    )
+    trials = list(_trials(objective, base, spring, loop))
+    start = where.pack(*trials[objective.nearest(trials)])
+    fit = least_squares(objective, where, start, iterations=20, tolerance=3e-3, simulations=SIMULATIONS)
     return Hypothesis((*spring.specs, loop), fit, profile_loss(objective, fit.w))
 
 

@@ -43,7 +43,7 @@ Vector = NDArray[np.float64]
 STUCK = 300.0  # nats behind a leader of the same names, from which on another law of one of them is fitted from its numbers
 DAMPING = BASE_INDEX["damping"]
 GIVEN_BACK = (
-    5.0  # times the leader's damping, from which on the base's stands for the leader's effects, and is no start
+    5.0  # times the leader's damping, beyond which the base's stands for the leader's effects: no start for others
 )
 BEHIND = (
     0.03  # of what the leading set gained, beyond which a look-alike may have got stuck and is fitted once more

@@ -314,19 +314,11 @@ def with_followed_input(decision: Decision, left: Sequence[Remainder], at_base: 
     """
     if decision.verdict != "effects" or decision.candidates or not any(r.stands for r in left):
         return decision  # what rivals share is all that is named, and each of them follows the input beside it
-    most = max(r.material for r in left if r.stands)
-    if most > NOT_FOLLOWED:
-        return replace(
-            decision,
-            verdict="unknown",
-            probability=beyond(most / NOT_FOLLOWED),
-            unknown_reason="outside-catalogue",
-        )
+    share = max(r.material for r in left if r.stands) / NOT_FOLLOWED
     followed = _owed(at_base) - _owed(left)  # what is left owes to something else
     named = next((r.score for r in decision.ranking if r.judged is decision.chosen), math.inf)
-    if _owed(left) < BY_FORM * named:
-        return decision
-    ratio = followed / (AS_MUCH_AS_NAMED * named)
+    ratio = followed / (AS_MUCH_AS_NAMED * named) if _owed(left) >= BY_FORM * named else 0.0
+    ratio = max(ratio, share)
     if ratio < 1.0:
         return decision
     return replace(decision, verdict="unknown", probability=beyond(ratio), unknown_reason="outside-catalogue")

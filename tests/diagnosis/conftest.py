@@ -168,6 +168,14 @@ def campaign_of(runs, rig: Nameplate = NAMEPLATE) -> Campaign:
 
 
 @pytest.fixture(scope="session")
+def one_effect():
+    """The effort that says which single effect leads, with no pairs tried."""
+    from jointscope.diagnosis.search import Effort
+
+    return Effort(beam=0, children=0, pairs=0, size=1)
+
+
+@pytest.fixture(scope="session")
 def plant() -> Plant:
     return Plant()
 

@@ -14,13 +14,11 @@ from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.wind_up import WIND_UP
 from jointscope.recordings.bandlimited import bandlimited
 
 LATE = 2e-3  # s
 STEP = 2e-7  # rad, the encoders' noise at the output
-ONE = Effort(beam=0, children=0, pairs=0, size=1)  # which single effect leads, with no pairs tried
 
 
 def spec_of(problem):
@@ -53,10 +51,10 @@ def swung(builders):
     return made
 
 
-def answered(campaign):
+def answered(campaign, effort):
     problem = prepare(campaign)
     with ThreadPoolExecutor(2) as pool:
-        return diagnose(problem, predict_outputs, catalogue(problem), pool, effort=ONE).decision
+        return diagnose(problem, predict_outputs, catalogue(problem), pool, effort=effort).decision
 
 
 def test_at_a_speed_the_wind_up_holds_speed_times_delay(swung):
@@ -71,15 +69,15 @@ def test_at_a_speed_the_wind_up_holds_speed_times_delay(swung):
     assert shifted - plain == pytest.approx(1e-4 * v, abs=0.01 * 1e-4 * np.max(np.abs(v)))
 
 
-def test_a_late_encoder_is_named_with_its_delay(swung):
-    decision = answered(swung(LATE))
+def test_a_late_encoder_is_named_with_its_delay(swung, one_effect):
+    decision = answered(swung(LATE), one_effect)
     assert (decision.verdict, decision.chosen.names) == ("effects", ("delay@acquisition",))
     _, (found,) = decision.chosen.fit.coordinates.unpack(decision.chosen.fit.x)
     assert found.values[0] == pytest.approx(LATE, rel=0.05)
 
 
-def test_encoders_read_together_are_left_alone(swung):
-    assert answered(swung(0.0)).verdict == "none"
+def test_encoders_read_together_are_left_alone(swung, one_effect):
+    assert answered(swung(0.0), one_effect).verdict == "none"
 
 
 def test_encoders_of_two_devices_have_a_delay_of_their_own(problem):

@@ -12,9 +12,6 @@ from jointscope.diagnosis.noise import dynamic_level
 from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.search import Effort
-
-ONE = Effort(beam=0, children=0, pairs=0, size=1)  # which single effect leads, with no pairs tried
 
 
 def humming(builders, recorded, frequency, share):
@@ -61,10 +58,10 @@ def test_what_is_no_hum_stays(builders, recorded, frequency, share):
 
 
 @pytest.mark.parametrize(("frequency", "verdict"), [(50.02, "none"), (53.7, "effects")])
-def test_a_hum_is_no_answer_and_a_fan_is(builders, recorded, frequency, verdict):
+def test_a_hum_is_no_answer_and_a_fan_is(builders, recorded, one_effect, frequency, verdict):
     _, loud = humming(builders, recorded, frequency, 0.015)
     with ThreadPoolExecutor(2) as pool:
-        found = diagnose(loud, predict_outputs, catalogue(loud), pool, effort=ONE)
+        found = diagnose(loud, predict_outputs, catalogue(loud), pool, effort=one_effect)
     assert found.decision.verdict == verdict
     assert any(f.startswith("hum") for f in found.problem.findings) is (verdict == "none")
     assert verdict == "none" or found.decision.chosen.names == ("external-vibration@base",)

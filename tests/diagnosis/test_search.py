@@ -26,7 +26,6 @@ from jointscope.recordings.bandlimited import bandlimited
 
 RATE = -0.09  # 1/s
 NOISE = 0.05  # m/s^2
-ONE = search.Effort(beam=0, children=0, pairs=0, size=1)  # which single effect leads, with no pairs tried
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +61,9 @@ def answered(campaign, effort):
         return found, diagnosis_json(found, free_prediction)
 
 
-def test_a_spring_that_slips_by_turns_is_found_from_the_prepared_start(hits):
+def test_a_spring_that_slips_by_turns_is_found_from_the_prepared_start(hits, one_effect):
     """By the end the phase is a turn off any fixed stiffness; the base wanders off, the law is named all the same."""
-    found, answer = answered(hits(RATE, 1024.0), ONE)
+    found, answer = answered(hits(RATE, 1024.0), one_effect)
     assert found.decision.chosen.names == ("stiffness-drift@transmission",)
     assert answer["effects"][0]["parameters"]["rate"]["value"] == pytest.approx(RATE, rel=0.02)
     foretold = {tuple(row["effects"]): row.get("held_out_error") for row in answer["ranking"]}
