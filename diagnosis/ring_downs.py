@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 PLAY = "backlash@transmission"
 FIRST = (2.0, 3.0, 4.5, 6.5)  # periods of the base's resonance after the hit, one fit each
 WIDER = 1.15  # times the periods before, from there on; a play's basin narrows as fast
+WIDEST = 1.15**4
+FORETOLD = 1.02  # times the misfit that is left: a longer part says nothing new
 LAST = 80.0  # periods, beyond which a ring-down is over
 STIFFER = (1.0, 1.06, 1.12, 1.2, 1.3, 1.45, 1.6, 1.8)  # times the base's stiffness, which a gap makes too soft
 GAPS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6)  # of the largest wind-up
@@ -117,12 +119,16 @@ def over_whole(
 
 
 def _along(hit: Objective, noise: NoiseModel, fit: Fit) -> Fit:
-    """The fit to all of the ring-downs, by way of ever longer parts of them."""
-    periods = FIRST[-1] * WIDER
+    """The fit to all of the ring-downs, by way of ever longer parts; the better it foretells one, the longer the next."""
+    periods, wider = FIRST[-1] * WIDER, WIDER
     longest = max(hit.problem.runs[i].steps / hit.problem.runs[i].grid_rate for i in hit.runs)
     while periods < min(LAST, longest * hit.problem.scales.frequency):
-        fit = _fit(within(hit, noise, periods), fit.coordinates, fit.x, EFFORT_FURTHER)
-        periods *= WIDER
+        part = within(hit, noise, periods)
+        foretold = part.residual(fit.x, fit.coordinates)
+        fit = _fit(part, fit.coordinates, fit.x, EFFORT_FURTHER)
+        well = float(foretold @ foretold) < FORETOLD * fit.chi2
+        wider = min(wider * WIDER, WIDEST) if well else WIDER
+        periods *= wider
     return fit
 
 
