@@ -7,11 +7,13 @@ With the motor's innovation beside it nothing is lost: (q_s, q) and (q_s, q_s - 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jointscope.diagnosis.noise import quantum
 from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
@@ -49,5 +51,6 @@ def _difference(motor: Output, arm: Output, ratio: float) -> Output:
         location="transmission",
         data=motor.data / ratio - arm.data,
         mask=motor.mask & arm.mask,
+        step=math.hypot(quantum(motor) / ratio, quantum(arm)),  # which the difference's own levels don't show
         floating=True,
     )
