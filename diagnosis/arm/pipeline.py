@@ -23,7 +23,8 @@ from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort
 from jointscope.diagnosis.split import split_runs
 from jointscope.diagnosis.two_of_three import answered
-from jointscope.diagnosis.verdict import Decision, beyond
+from jointscope.diagnosis.unlike_noise import grows_with_signal
+from jointscope.diagnosis.verdict import GROWING, Decision, beyond
 
 EFFORT = Effort(
     hits=5,
@@ -62,10 +63,13 @@ def _as_right_as_arms_are(judgement: Judgement) -> Judgement:
 
 
 def _within_geometry(judgement: Judgement, decision: Decision) -> Decision:
-    """``none`` where what the base leaves is as little as an arm's file is right to."""
+    """``none`` where what the base leaves is as little as an arm's file is right to.
+
+    Where no two runs are driven alike that is not known; then nothing may be left that grows with the signal either.
+    """
     left = decision.adequacy.base_left
     unexplained = decision.verdict == "unknown" and decision.chosen is judgement.base
-    if not (unexplained and left < DRIVEN_RIGHT):
+    if not (unexplained and left < DRIVEN_RIGHT) or grows_with_signal(judgement, decision.adequacy) > GROWING:
         return decision
     return replace(
         decision, verdict="none", unknown_reason=None, probability=beyond(DRIVEN_RIGHT / max(left, 1e-9))

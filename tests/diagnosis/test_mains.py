@@ -13,8 +13,13 @@ from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 
-
-OFFERED = ("external-vibration", "coulomb-friction", "structural-damping", "link-flexibility", "transmission-error")
+OFFERED = (
+    "external-vibration",
+    "coulomb-friction",
+    "structural-damping",
+    "link-flexibility",
+    "transmission-error",
+)
 
 
 def humming(builders, recorded, frequency, share):

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 import planar  # type: ignore[import-not-found]
 
+from jointscope.diagnosis.adequacy import Adequacy, Block
 from jointscope.diagnosis.arm import pipeline
 from jointscope.diagnosis.arm.effects import arm_catalogue
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.effects.spec import ActiveEffect
+from jointscope.diagnosis.verdict import Decision
 
 BRAKED = {"a": "brake", "b": "brake"}
 
@@ -50,3 +54,24 @@ def test_an_arm_is_diagnosed_to_its_end_by_laws_that_its_model_knows(twice):
         found = pipeline.diagnose_arm(twice, pool)
     tried = {name for j in found.judgement.judged for name in j.names}
     assert tried and tried <= known
+
+
+@pytest.mark.parametrize(
+    ("common", "kappa", "verdict"),
+    [
+        (0.004, 0.0, "none"),  # as little as an arm's file is right to
+        (0.0, 0.05, "none"),
+        (0.0, 0.4, "unknown"),  # no two runs are alike, and what is left grows with the signal
+        (0.03, 0.0, "unknown"),
+    ],
+)
+def test_none_is_what_an_arm_s_file_is_right_to_and_no_more(common, kappa, verdict):
+    key = ("speed-motion", False, "linear-acceleration", "arm", "tangential", 0.5, 1000.0)
+    judgement = SimpleNamespace(
+        base=SimpleNamespace(predictions=()),
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(kappa=kappa, marginal=3.0, sigma=1.0)}),
+        objective=SimpleNamespace(prepared=()),
+    )
+    fit = Adequacy((Block(key, 1000, 0.3**2, 0.3**2, common**2, common**2, 0.0),), math.nan, common, common)
+    asked = Decision("unknown", judgement.base, 0.9, (), "outside-catalogue", (), fit)
+    assert pipeline._within_geometry(judgement, asked).verdict == verdict
