@@ -15,13 +15,16 @@ from jointscope.diagnosis.arm.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.echo import Echo
+from jointscope.diagnosis.effects import PAYLOADS
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.pipeline import Diagnosis, silent
 from jointscope.diagnosis.plain_base import with_plain_base
 from jointscope.diagnosis.rounds import Report, explore
-from jointscope.diagnosis.search import Effort
+from jointscope.diagnosis.search import Effort, Screening
+from jointscope.diagnosis.second_look import second_look
 from jointscope.diagnosis.split import split_runs
+from jointscope.diagnosis.twins import each_once
 from jointscope.diagnosis.two_of_three import answered
 from jointscope.diagnosis.unlike_noise import grows_with_signal
 from jointscope.diagnosis.verdict import GROWING, Decision, beyond
@@ -42,6 +45,7 @@ EFFORT = Effort(
     brief=False,  # small motion's nonlinear torques are stepped to second order, and a path has tables of its own
 )
 
+PAYLOAD = PAYLOADS[0].name
 DRIVEN_RIGHT = (
     0.01  # of a driven run's signal, to which an arm of several bodies and its motor's log are right at best
 )
@@ -76,6 +80,11 @@ def _within_geometry(judgement: Judgement, decision: Decision) -> Decision:
     )
 
 
+def _some_carry(screening: Screening) -> bool:
+    """Whether the runs' own inertias fall into two groups; who is in which may be seen only beside what else there is."""
+    return any(t.spec.name == PAYLOAD and t.spec.run_weights is not None for t in screening.trials)
+
+
 def diagnose_arm(
     problem: ArmProblem, pool: ThreadPoolExecutor, *, effort: Effort = EFFORT, report: Report = silent
 ) -> Diagnosis:
@@ -91,6 +100,13 @@ def diagnose_arm(
     screening, hypotheses = explore(stage, arm_catalogue(problem), effort, report)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
+    chosen = answered(judgement).chosen
+    if _some_carry(screening) and PAYLOAD not in {spec.name for spec in chosen.hypothesis.specs}:
+        report("asking once more which runs carry something")
+        further = second_look(judgement, chosen, screening, (), effort)
+        if further:
+            hypotheses = (*each_once(judgement.judged[1:]), *further)
+            judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
     nowhere = Places((), {}, None)
     decision = _within_geometry(judgement, answered(judgement))
     whole = Diagnosis(problem, split, stage, screening, judgement, decision, nowhere, None)
