@@ -19,6 +19,7 @@ from jointscope.diagnosis.arm import pipeline
 from jointscope.diagnosis.arm.effects import arm_catalogue
 from jointscope.diagnosis.arm.prepare import prepare_arm
 from jointscope.diagnosis.arm.problem import ArmProblem
+from jointscope.diagnosis.effects import payloads, with_run_weights
 from jointscope.diagnosis.effects.spec import ActiveEffect
 from jointscope.diagnosis.verdict import Decision
 
@@ -39,12 +40,38 @@ def test_an_effect_that_foretells_worse_is_not_named(twice, deciding, monkeypatc
     spec = next(s for s in arm_catalogue(twice) if s.name == "backlash")
     values = list(spec.starts(twice)[0])
     values.insert(spec.amplitude, spec.parameters[spec.amplitude].null + factor * spec.scale(twice)[2])
-    monkeypatch.setattr(pipeline, "explore", lambda *_: (None, []))
+    monkeypatch.setattr(pipeline, "explore", lambda *_: (SimpleNamespace(trials=()), []))
     monkeypatch.setattr(pipeline, "answered", lambda j: deciding(j, ActiveEffect(spec, tuple(values))))
     with ThreadPoolExecutor(1) as pool:
         decision = pipeline.diagnose_arm(twice, pool).decision
     assert decision.verdict == verdict
     assert decision.chosen.names == (() if factor else (f"backlash@{spec.location}",))
+
+
+@pytest.mark.parametrize(
+    ("trial", "effect", "asked"),
+    [
+        ("payload", "backlash", True),
+        ("backlash", "backlash", False),  # nothing suggests that some runs carry more than others
+        ("payload", "payload", False),  # who carries it has been asked
+    ],
+)
+def test_who_carries_is_asked_beside_what_was_found(twice, deciding, monkeypatch, trial, effect, asked):
+    """A motion's own inertia tells nothing beside friction that the base lacks; beside the friction it tells all."""
+    laws = {s.name: s for s in (*arm_catalogue(twice), with_run_weights(payloads(twice)[0], (0.0, 1.0), twice))}
+    found = laws[effect]
+    values = tuple(p.null for p in found.parameters)
+    looks = []
+    monkeypatch.setattr(
+        pipeline, "explore", lambda *_: (SimpleNamespace(trials=(SimpleNamespace(spec=laws[trial]),)), [])
+    )
+    monkeypatch.setattr(pipeline, "answered", lambda j: deciding(j, ActiveEffect(found, values)))
+    monkeypatch.setattr(
+        pipeline, "second_look", lambda _, chosen, __, specs, ___: looks.append((chosen.names, specs)) or []
+    )
+    with ThreadPoolExecutor(1) as pool:
+        pipeline.diagnose_arm(twice, pool)
+    assert looks == ([((f"{effect}@{found.location}",), ())] if asked else [])
 
 
 def test_an_arm_is_diagnosed_to_its_end_by_laws_that_its_model_knows(twice):
