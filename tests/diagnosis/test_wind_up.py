@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.channels import observe
+from jointscope.diagnosis.noise import quantum
 from jointscope.diagnosis.predict import build, integrate, predict_outputs
 from jointscope.diagnosis.wind_up import WIND_UP, with_wind_up
 
@@ -47,6 +48,18 @@ def test_what_moves_both_sides_alike_leaves_it_unchanged(swept):
     )
     plain, shaken = (with_wind_up(run).outputs[1].data for run in (swept, moved))
     assert shaken == pytest.approx(plain, abs=1e-12)
+
+
+@pytest.mark.parametrize(("by_motor", "by_arm"), [(2.0e-4, 5.0e-5), (0.0, 5.0e-5)])
+def test_its_step_is_that_of_both_encoders(swept, by_motor, by_arm):
+    """Of the difference's own levels the closest two are far nearer; what is rounded off is the steps' sum of squares."""
+
+    def rounded(output, step):
+        return replace(output, data=np.round(output.data / step) * step if step else output.data, step=None)
+
+    motor, arm = swept.outputs
+    pair = replace(swept, outputs=(rounded(motor, by_motor * swept.ratio), rounded(arm, by_arm)))
+    assert quantum(with_wind_up(pair).outputs[1]) == pytest.approx(np.hypot(by_motor, by_arm), rel=0.02)
 
 
 def test_encoders_of_two_devices_are_compared_one_by_one(swept):
