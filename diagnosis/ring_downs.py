@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 PLAY = "backlash@transmission"
 FIRST = (2.0, 3.0, 4.5, 6.5)  # periods of the base's resonance after the hit, one fit each
 WIDER = 1.15  # times the periods before, from there on; a play's basin narrows as fast
-WIDEST = 1.15**4
-FORETOLD = 1.02  # times the misfit that is left: a longer part says nothing new
+WIDEST = WIDER**4  # the same at most, where each part foretells the next
+FORETOLD = 1.02  # times the misfit that a fit leaves, up to which it was foretold
 LAST = 80.0  # periods, beyond which a ring-down is over
 STIFFER = (1.0, 1.06, 1.12, 1.2, 1.3, 1.45, 1.6, 1.8)  # times the base's stiffness, which a gap makes too soft
 GAPS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6)  # of the largest wind-up

@@ -21,7 +21,7 @@ from jointscope.diagnosis.no_worse import handed_on
 from jointscope.diagnosis.pipeline import Diagnosis, silent
 from jointscope.diagnosis.plain_base import with_plain_base
 from jointscope.diagnosis.rounds import Report, explore
-from jointscope.diagnosis.search import Effort, Screening
+from jointscope.diagnosis.search import Effort, Hypothesis, Screening
 from jointscope.diagnosis.second_look import second_look
 from jointscope.diagnosis.split import split_runs
 from jointscope.diagnosis.twins import each_once
@@ -45,7 +45,6 @@ EFFORT = Effort(
     brief=False,  # small motion's nonlinear torques are stepped to second order, and a path has tables of its own
 )
 
-PAYLOAD = PAYLOADS[0].name
 DRIVEN_RIGHT = (
     0.01  # of a driven run's signal, to which an arm of several bodies and its motor's log are right at best
 )
@@ -71,18 +70,22 @@ def _within_geometry(judgement: Judgement, decision: Decision) -> Decision:
 
     Where no two runs are driven alike that is not known; then nothing may be left that grows with the signal either.
     """
-    left = decision.adequacy.base_left
+    fit = decision.adequacy
+    lack = max(fit.base_left / DRIVEN_RIGHT, grows_with_signal(judgement, fit) / GROWING)
     unexplained = decision.verdict == "unknown" and decision.chosen is judgement.base
-    if not (unexplained and left < DRIVEN_RIGHT) or grows_with_signal(judgement, decision.adequacy) > GROWING:
+    if not unexplained or lack > 1.0:
         return decision
-    return replace(
-        decision, verdict="none", unknown_reason=None, probability=beyond(DRIVEN_RIGHT / max(left, 1e-9))
-    )
+    return replace(decision, verdict="none", unknown_reason=None, probability=beyond(1.0 / max(lack, 1e-9)))
 
 
-def _some_carry(screening: Screening) -> bool:
-    """Whether the runs' own inertias fall into two groups; who is in which may be seen only beside what else there is."""
-    return any(t.spec.name == PAYLOAD and t.spec.run_weights is not None for t in screening.trials)
+def _some_carry(screening: Screening, found: Hypothesis) -> bool:
+    """Whether the runs' own inertias part into two groups, and nothing was found that does.
+
+    Who is in which may be seen only beside what else there is.
+    """
+    payload = PAYLOADS[0].name
+    parted = any(t.spec.name == payload and t.spec.run_weights is not None for t in screening.trials)
+    return parted and all(spec.name != payload for spec in found.specs)
 
 
 def diagnose_arm(
@@ -100,14 +103,15 @@ def diagnose_arm(
     screening, hypotheses = explore(stage, arm_catalogue(problem), effort, report)
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
-    chosen = answered(judgement).chosen
-    if _some_carry(screening) and PAYLOAD not in {spec.name for spec in chosen.hypothesis.specs}:
+    decision = answered(judgement)
+    if _some_carry(screening, decision.chosen.hypothesis):
         report("asking once more which runs carry something")
-        further = second_look(judgement, chosen, screening, (), effort)
+        further = second_look(judgement, decision.chosen, screening, (), effort)
         if further:
             hypotheses = (*each_once(judgement.judged[1:]), *further)
             judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
+            decision = answered(judgement)
     nowhere = Places((), {}, None)
-    decision = _within_geometry(judgement, answered(judgement))
+    decision = _within_geometry(judgement, decision)
     whole = Diagnosis(problem, split, stage, screening, judgement, decision, nowhere, None)
     return handed_on(with_plain_base(whole, free_prediction), free_prediction)
