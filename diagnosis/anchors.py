@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from jointscope.diagnosis.rivals import same_numbers
+from jointscope.diagnosis.lent import same_numbers
+from jointscope.diagnosis.rivals import within_reach
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, name_of, profile_loss
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def beside_other_laws(
         if len(h.specs) == 2 and len(h.names) == 2 and anchor in h.names:
             pairs.setdefault(h.names, h)
     known = {frozenset(id(s) for s in h.specs) for h in hypotheses}
+    reach = within_reach(objective, base, hypotheses[0])
     found = []
     for pair in list(pairs.values())[:PARTNERS]:
         place = next(k for k, spec in enumerate(pair.specs) if name_of(spec) == anchor)
@@ -58,7 +60,7 @@ def beside_other_laws(
             trials = same_numbers([c for c in candidates if c.spec is law], effects[place])
             if not trials or frozenset((id(partner), id(law))) in known:
                 continue
-            fit = fit_child(objective, base, [effect, trials[0]], effort, [theta])
+            fit = fit_child(objective, base, [effect, trials[0]], effort, [theta], reach)
             if fit is not None:
                 found.append(Hypothesis((partner, law), fit, profile_loss(objective, fit.w)))
     return found

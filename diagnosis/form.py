@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.base import representative
 from jointscope.diagnosis.effects import catalogue
 from jointscope.diagnosis.effects.latent import LATENT, nodes
-from jointscope.diagnosis.rivals import same_numbers
+from jointscope.diagnosis.lent import same_numbers
 from jointscope.diagnosis.screen import tangent, trial_effects
 from jointscope.diagnosis.search import Effort, name_of
 

@@ -62,14 +62,16 @@ def modes_apart(
         peaks.extend(factor * resonance for factor in ABOVE)
     found = []
     for trials in laws:
-        fits = []
+        reached: Fit | None = None
         for peak in peaks:
             near = min(trials, key=lambda a: (abs(math.log(a.values[0] / peak)), -a.values[a.spec.amplitude]))
             if abs(math.log(near.values[0] / peak)) < NEAR:
-                fits.append(fit_child(objective, base, [near], effort))
-        reached = [fit for fit in fits if fit is not None]
-        if reached:
-            best = fitted_on(objective, min(reached, key=lambda fit: fit.chi2), *FREE)
+                reach = math.inf if reached is None else profile_loss(objective, reached.w)
+                fit = fit_child(objective, base, [near], effort, reach=reach)
+                if fit is not None and (reached is None or fit.chi2 < reached.chi2):
+                    reached = fit
+        if reached is not None:
+            best = fitted_on(objective, reached, *FREE)
             found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
     return found
 

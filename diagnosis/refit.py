@@ -8,6 +8,7 @@ of convergence, P_B the projection on the tangent space of the free parameters.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +21,15 @@ from jointscope.diagnosis.objective import Objective
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+Behind = Callable[[Vector], float]
 
 TOLERANCE = 1e-4  # |P_B w| / |w| at convergence
 LOG_STEP = 0.7  # longest step in a logarithm
 RELATIVE_STEP = 3.0  # longest step in any other coordinate, in its own units
 CORNERS = 4  # limits that a step may run into, one after the other
 GOOD = (0.6, 1.6)  # actual over predicted decrease within which the Jacobian is trusted
+LAST = 2  # tries, of whose gain ...
+PATIENCE = 3.0  # ... a search may lack so many times as much and still catch up
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +93,22 @@ def _share(normal: Matrix, gradient: Vector, w: Vector, x: Vector, where: Coordi
     step = _step(normal[np.ix_(movable, movable)], gradient[movable], 0.0)
     along = np.where(step != 0.0, gradient[movable], 0.0)  # where there is no step a gradient may be no number
     return math.sqrt(max(-float(along @ step), 0.0)) / float(np.linalg.norm(w))
+
+
+def _hopeless(state: _Search, behind: Behind, lacks: list[float]) -> bool:
+    """Whether a search will not catch up: neither at the pace of its last tries nor where its tangents meet the data.
+
+    Args:
+        lacks: How far it was behind before every try; the present one is added.
+    """
+    lacks.append(behind(state.w))
+    if len(lacks) <= LAST or lacks[-1] <= PATIENCE * max(lacks[-1 - LAST] - lacks[-1], 0.0):
+        return False
+    normal, gradient = state.normal
+    movable = _movable(state.x, gradient, state.where)
+    step = np.zeros_like(state.x)
+    step[movable] = _step(normal[np.ix_(movable, movable)], gradient[movable], 0.0)
+    return behind(state.w + state.jacobian @ step) > 0.0
 
 
 @dataclass(eq=False)
@@ -207,6 +227,7 @@ def least_squares(
     iterations: int = 12,
     tolerance: float = TOLERANCE,
     simulations: int = 10_000,
+    behind: Behind | None = None,
 ) -> Fit:
     """Minimise w'w from ``x`` by Levenberg-Marquardt with Broyden updates between fresh Jacobians.
 
@@ -215,6 +236,8 @@ def least_squares(
             its predictions fail, the effects' columns first.
         iterations: Steps tried at most.
         simulations: Evaluations spent at most; the best point reached is returned.
+        behind: How far a residual is behind what is of use, which is nought and less; a search that will not get there is
+            left where it is.
     """
     x = np.clip(x, where.lower, where.upper)
     w = objective.residual(x, where)
@@ -224,6 +247,7 @@ def least_squares(
     if jacobian is None:
         state.refresh(range(where.n))
     damping, growth, converged = 1e-3, 2.0, False
+    lacks: list[float] = []
     for _ in range(iterations):
         if state.share < tolerance:
             if not state.fresh and simulations - state.spent > where.n:
@@ -231,7 +255,7 @@ def least_squares(
             if state.share < tolerance:
                 converged = True
                 break
-        if simulations - state.spent < 1:
+        if simulations - state.spent < 1 or (behind is not None and _hopeless(state, behind, lacks)):
             break
         attempt = _try(state, damping)
         if attempt is None:

@@ -7,7 +7,7 @@ explained by something.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,8 +19,9 @@ from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
 from jointscope.diagnosis.effects.friction import falling_about
-from jointscope.diagnosis.effects.periodic import PHASES, counted_alike, slower_lines, turn_of
+from jointscope.diagnosis.effects.periodic import counted_alike, slower_lines, turn_of
 from jointscope.diagnosis.freer import FREER
+from jointscope.diagnosis.lent import same_numbers, same_shape, with_force
 from jointscope.diagnosis.refit import Fit, unspent
 from jointscope.diagnosis.screen import Trial, best_per_spec, refined, screen, tangent
 from jointscope.diagnosis.search import (
@@ -33,12 +34,12 @@ from jointscope.diagnosis.search import (
     names_of,
     profile_loss,
 )
-from jointscope.diagnosis.twins import on_the_other_side
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
 
 Vector = NDArray[np.float64]
+Laws = frozenset[int]  # of a set, by identity
 
 STUCK = 300.0  # nats behind a leader of the same names, from which on another law of one of them is fitted from its numbers
 DAMPING = BASE_INDEX["damping"]
@@ -57,6 +58,7 @@ def rivals(
     candidates: Sequence[ActiveEffect],
     known: Mapping[tuple[str, ...], float],
     effort: Effort,
+    tried: Collection[Laws] = (),
 ) -> list[Hypothesis]:
     """Fit the look-alikes of a leading set's effects in their place, which the screening may have missed.
 
@@ -67,14 +69,16 @@ def rivals(
         base: The base's fit.
         candidates: Trials of every law.
         known: Loss of the sets whose fits exist already, by name.
+        tried: Sets that were fitted so before, from a leader that shares the rest; left out.
     """
     found: list[Hypothesis] = []
-    far = _far_behind(objective, base, leader)
+    far, reach = _far_behind(objective, base, leader), within_reach(objective, base, leader)
     done = {names for names, loss in known.items() if loss < far}
     for place in _places(leader):
         for name in place.spec.look_alikes:
             trials = [c for c in candidates if c.spec.name == name and name_of(c.spec) not in names_of(place.kept)]
             trials = [c for c in trials if names_of((*place.kept, c.spec)) not in done]
+            trials = [c for c in trials if laws_of((*place.kept, c.spec)) not in tried]
             if not trials:
                 continue
             alike = same_numbers(trials, place.effect)
@@ -82,7 +86,7 @@ def rivals(
             trials = lines or [*trials, *alike]  # of a line the order is known
             active = _telling(objective, without(objective, leader.fit, place.position), trials)
             done.add(names_of((*place.kept, active.spec)))
-            found.extend(_in_place(objective, base, place, active, effort))
+            found.extend(_in_place(objective, base, place, active, effort, reach))
     return found
 
 
@@ -100,6 +104,7 @@ def strangers(
     """
     found: list[Hypothesis] = []
     theta, effects = leader.fit.coordinates.unpack(leader.fit.x)
+    reach = within_reach(objective, base, leader)
     for spec in specs:
         trials = candidates_for(objective.problem, (spec,))
         groups = [trials, *([active] for active in more if active.spec is spec)]
@@ -110,20 +115,29 @@ def strangers(
         for group in groups:
             best = _screened(objective, base, group) if group else []
             if best and best[0].gain > effort.worth:
-                fit = fit_child(objective, base, [at_own_size(best[0])], effort, [theta])
+                fit = fit_child(objective, base, [at_own_size(best[0])], effort, [theta], reach)
                 if fit is not None:
                     found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))
     return found
 
 
 def grown(
-    objective: Objective, base: Fit, leader: Hypothesis, candidates: Sequence[ActiveEffect], effort: Effort
+    objective: Objective,
+    base: Fit,
+    leader: Hypothesis,
+    candidates: Sequence[ActiveEffect],
+    effort: Effort,
+    tried: Collection[Laws] = (),
 ) -> list[Hypothesis]:
     """Fit the laws that contain a law of the leader, from the very force that it found; a stop also in other places.
 
     A Stribeck friction that starts elsewhere ends above the Coulomb friction that it contains.
+
+    Args:
+        tried: As :func:`rivals` takes them.
     """
     found: list[Hypothesis] = []
+    reach = within_reach(objective, base, leader)
     blind = all(run.observed is None for run in objective.problem.runs)
     for place in _places(leader):
         wider = {outer for inner, outer in CONTAINED if inner == place.spec.name and place.effect.values[0] > 0.0}
@@ -132,15 +146,16 @@ def grown(
             for c in candidates
             if c.spec.name in wider and c.spec.location == place.spec.location
         ]
-        trials = [*about, *_same_shape(about, place.effect)]
+        trials = [*about, *same_shape(about, place.effect)]
         for group in (trials, *_freer(candidates, place.effect, objective.problem.rig.reduction_ratio or 1.0)):
+            group = [a for a in group if laws_of((*place.kept, a.spec)) not in tried]
             if not group:
                 continue
             active = _nearest(objective, place.theta, place.others, group)
-            found.extend(_in_place(objective, base, place, active, effort))
+            found.extend(_in_place(objective, base, place, active, effort, reach))
         for group in filter(None, _elsewhere(candidates, place.effect) if blind else ()):
             active = _nearest(objective, place.theta, place.others, group)
-            found.extend(h for h in _in_place(objective, base, place, active, effort) if h.sensible)
+            found.extend(h for h in _in_place(objective, base, place, active, effort, reach) if h.sensible)
     return found
 
 
@@ -177,14 +192,19 @@ def reshaped(
     candidates: Sequence[ActiveEffect],
     hypotheses: Sequence[Hypothesis],
     effort: Effort,
+    tried: Collection[Laws] = (),
 ) -> list[Hypothesis]:
     """Fit the other laws of the leader's names from its own numbers, where none of ``hypotheses`` is as near.
 
     What is far behind may be thousands of nats on quiet records, where a fit that got stuck is no answer either.
+
+    Args:
+        tried: As :func:`rivals` takes them.
     """
     found: list[Hypothesis] = []
     far = min(_far_behind(objective, base, leader), leader.loss + STUCK)
-    done = {frozenset(id(s) for s in h.specs) for h in hypotheses if h.loss < far}
+    reach = within_reach(objective, base, leader)
+    done = {laws_of(h.specs) for h in hypotheses if h.loss < far}.union(tried)
     for place in _places(leader):
         spec = place.spec
         if spec.family == "periodic" or spec.of_own_frequency:
@@ -195,16 +215,26 @@ def reshaped(
             if name_of(trial.spec) == name_of(spec) and trial.spec is not spec and trial.spec.variant not in freer:
                 laws.setdefault(id(trial.spec), []).append(trial)
         for trials in laws.values():
-            if frozenset(id(s) for s in (*place.kept, trials[0].spec)) in done:
+            if laws_of((*place.kept, trials[0].spec)) in done:
                 continue
             active = _nearest(objective, place.theta, place.others, [*same_numbers(trials, place.effect), *trials])
-            found.extend(_in_place(objective, base, place, active, effort))
+            found.extend(_in_place(objective, base, place, active, effort, reach))
     return found
+
+
+def laws_of(specs: Iterable[EffectSpec]) -> Laws:
+    """The very laws of a set, whatever their order."""
+    return frozenset(id(spec) for spec in specs)
 
 
 def _far_behind(objective: Objective, base: Fit, leader: Hypothesis) -> float:
     """The loss from which on a fit may have got stuck."""
     return leader.loss + BEHIND * (profile_loss(objective, base.w) - leader.loss)
+
+
+def within_reach(objective: Objective, base: Fit, leader: Hypothesis) -> float:
+    """The loss beyond which a fit in the place of the leader, or of a part of it, is of no use however near it ends."""
+    return max(_far_behind(objective, base, leader), leader.loss + STUCK)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,13 +265,18 @@ def _places(leader: Hypothesis) -> Iterator[_Place]:
 
 
 def _in_place(
-    objective: Objective, base: Fit, place: _Place, active: ActiveEffect, effort: Effort
+    objective: Objective,
+    base: Fit,
+    place: _Place,
+    active: ActiveEffect,
+    effort: Effort,
+    reach: float = math.inf,
 ) -> list[Hypothesis]:
-    """The set with ``active`` in this place, where the fit ends better than the base."""
+    """The set with ``active`` in this place, where the fit ends better than the base; within ``reach``, or not gone on with."""
     parent, bases = base, [place.theta]
     if base.coordinates.unpack(base.x)[0][DAMPING] > GIVEN_BACK * place.theta[DAMPING]:
         parent, bases = _at(objective, base, place.theta), []
-    fit = fit_child(objective, parent, [*place.others, active], effort, bases)
+    fit = fit_child(objective, parent, [*place.others, active], effort, bases, reach)
     if fit is None or not fit.chi2 < base.chi2:
         return []
     return [Hypothesis((*place.kept, active.spec), fit, profile_loss(objective, fit.w))]
@@ -255,65 +290,13 @@ def _at(objective: Objective, base: Fit, theta: Vector) -> Fit:
     return Fit(where, x, w, objective.columns(x, where, w, range(where.n)), math.nan, False, True, 1)
 
 
-def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
-    """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
-    known = {("asymmetry", "1"): 0.0}
-    known.update(((p.name, p.unit), v) for p, v in zip(leader.spec.parameters, leader.values, strict=True))
-    if ("soft_share", "1") in known:  # the play that leaves the same spring outside of a soft middle
-        unit = next(
-            p.unit for p in leader.spec.parameters if p.name == "transition_angle"
-        )  # m where the axis slides
-        known["gap", unit] = 2.0 * known["soft_share", "1"] * known["transition_angle", unit]
-    known |= _bristles_and_loop(known)
-    found: dict[tuple[object, ...], ActiveEffect] = {}
-    for trial in trials:
-        moved = on_the_other_side(leader, trial.spec)
-        if moved is not None:
-            found.setdefault((id(trial.spec), "moved"), ActiveEffect(trial.spec, moved))
-        keys = [(p.name, p.unit) for p in trial.spec.parameters]
-        if any(key in known for key in keys):
-            values = _as_play(known, keys) or tuple(
-                known.get(key, value) for key, value in zip(keys, trial.values, strict=True)
-            )
-            ways = tuple(v for (name, _), v in zip(keys, trial.values, strict=True) if name == "direction")
-            found.setdefault((id(trial.spec), ways), ActiveEffect(trial.spec, values))
-            if trial.spec.family == "periodic" and trial.spec.name != leader.spec.name:
-                for turn in PHASES:  # an angle's phase is not that of a torque with the same response
-                    turned = (*values[:2], turn, *values[3:])
-                    found.setdefault((id(trial.spec), turn), ActiveEffect(trial.spec, turned))
-    return list(found.values())
-
-
-def _as_play(known: Mapping[tuple[str, str], float], keys: Sequence[tuple[str, str]]) -> tuple[float, ...] | None:
-    """The play that is a soft middle: as much is missed, as much is left; ``None`` where it is not asked for or known."""
-    share, names = known.get(("soft_share", "1")), [name for name, _ in keys]
-    if share is None or names[:1] != ["gap"] or not {"inside", "corner"} & set(names):
-        return None
-    width = 2.0 * known["transition_angle", keys[0][1]]
-    if names[1] == "inside":
-        return width, max(1.0 - share, 0.0)
-    return width * share, math.sqrt(max(min(max(share, 0.5), 1.0) ** -2.0 - 1.0, 0.01)), 1.0
-
-
-def _bristles_and_loop(known: Mapping[tuple[str, str], float]) -> dict[tuple[str, str], float]:
-    """The angle over which friction builds up that bends like a loop of this torque and stiffness, and the reverse."""
-    for force, angle in (("N m", "rad"), ("N", "m")):
-        torque = known.get(("torque", force), 0.0)
-        for (name, unit), other in ((("stiffness", f"{force}/{angle}"), ("presliding", angle)),
-                                    (("presliding", angle), ("stiffness", f"{force}/{angle}"))):  # fmt: skip
-            bend = known.get((name, unit), 0.0)
-            if torque > 0.0 and bend > 0.0:
-                return {other: torque / bend}
-    return {}
-
-
 def _freer(candidates: Sequence[ActiveEffect], leader: ActiveEffect, ratio: float) -> list[list[ActiveEffect]]:
     """Trials of the freer laws, law by law: a mount that slides with the leader's mode, an order with its harmonic."""
     wider = [c for c in candidates if c.spec.variant in FREER.get(leader.spec.variant, ())]
     groups: dict[int, list[ActiveEffect]] = {}
     alike = [counted_alike(trial, leader, ratio) for trial in same_numbers(wider, leader)]
     if not leader.spec.sensible(leader.values):  # what it lacks has bent its own numbers
-        alike += [_with_force(trial, leader.values[0]) for trial in wider]
+        alike += [with_force(trial, leader.values[0]) for trial in wider]
     for active in alike:
         groups.setdefault(id(active.spec), []).append(active)
     slower = [
@@ -334,25 +317,6 @@ def _elsewhere(candidates: Sequence[ActiveEffect], leader: ActiveEffect) -> list
         return []
     own, found = [c for c in candidates if c.spec is leader.spec], leader.values[0]
     return [[c for c in own if c.values[0] < found], [c for c in own if c.values[0] > found]]
-
-
-def _with_force(active: ActiveEffect, force: float) -> ActiveEffect:
-    """The trial with this force, its other forces in proportion."""
-    spec, values = active.spec, list(active.values)
-    for place in spec.proportional:
-        values[place] *= force / values[0] if values[0] else 1.0
-    values[0] = force
-    return ActiveEffect(spec, tuple(values))
-
-
-def _same_shape(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
-    """The trials of laws that have a shape's parameter of the leader's, with its value."""
-    known = dict(zip((p.name for p in leader.spec.parameters[1:]), leader.values[1:], strict=True))
-    return [
-        ActiveEffect(t.spec, tuple(known.get(p.name, v) for p, v in zip(t.spec.parameters, t.values, strict=True)))
-        for t in trials
-        if any(p.name in known for p in t.spec.parameters)
-    ]
 
 
 def without(objective: Objective, fit: Fit, position: int) -> Fit:

@@ -39,7 +39,7 @@ from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.rescaled import rescaled
 from jointscope.diagnosis.resonances import resonances, resonances_beside
 from jointscope.diagnosis.ring_downs import PLAY, ring_downs
-from jointscope.diagnosis.rivals import BEHIND, contained, grown, reshaped, rivals, strangers
+from jointscope.diagnosis.rivals import BEHIND, Laws, contained, grown, laws_of, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
     Hypothesis,
@@ -246,16 +246,20 @@ def _bent_play(
 
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
     """Each member of the leading pair may have stood in for its look-alike, and that may let the other one be told."""
+    tried: frozenset[Laws] = frozenset()
     for _ in range(SWAPS):
-        leader = arena.hypotheses[0]
+        leader, known = arena.hypotheses[0], _losses(arena)
         if len(leader.names) != 2:
             break
-        found = rivals(arena.objective, arena.base.fit, leader, candidates, _losses(arena), effort)
-        found.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort))
-        found.extend(reshaped(arena.objective, arena.base.fit, leader, candidates, arena.hypotheses, effort))
-        found.extend(contained(arena.objective, arena.base.fit, leader, candidates, _losses(arena), effort))
+        found = rivals(arena.objective, arena.base.fit, leader, candidates, known, effort, tried)
+        found.extend(grown(arena.objective, arena.base.fit, leader, candidates, effort, tried))
+        found.extend(
+            reshaped(arena.objective, arena.base.fit, leader, candidates, arena.hypotheses, effort, tried)
+        )
+        found.extend(contained(arena.objective, arena.base.fit, leader, candidates, known, effort))
         if not found:
             break
+        tried = tried.union(laws_of(h.specs) for h in found)
         arena = settled(arena, found, effort)
         if arena.hypotheses[0].specs == leader.specs:
             break

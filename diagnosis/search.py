@@ -6,6 +6,7 @@ nearly nothing where that ends above the parent, so a child is never worse than 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -137,12 +138,14 @@ def fit_child(
     actives: Sequence[ActiveEffect],
     effort: Effort,
     other_bases: Sequence[Vector] = (),
+    reach: float = math.inf,
 ) -> Fit | None:
     """Fit the parent's effects plus ``actives``, base free; ``None`` where that ends no better than the parent.
 
     Args:
         other_bases: Base parameter vectors beside the parent's from which to start, whichever is nearer the data:
             look-alikes shift the base alike.
+        reach: Loss beyond which the fit is of no use: one that will not come within it is left where it is.
     """
     specs = (*parent.coordinates.effects, *(a.spec for a in actives))
     where = coordinates(objective.problem, specs)
@@ -177,6 +180,7 @@ def fit_child(
             iterations=14,
             tolerance=3e-3,
             simulations=effort.fit_simulations,
+            behind=None if reach == math.inf else lambda w: profile_loss(objective, w) - reach,
         )
         if fit.chi2 < (parent if best is None else best).chi2:
             best = fit

@@ -42,9 +42,14 @@ def bends_beside(objective: Objective, parent: Hypothesis, effort: Effort) -> li
     if not moved <= free or name_of(COUPLED) in parent.names or COUPLED.possible(problem) is not None:
         return []
     spec = at_rig(COUPLED, problem)
-    fits = [fit_child(objective, parent.fit, [active], effort) for active in trial_effects(spec, problem, (1,))]
-    best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.chi2, default=None)
-    return [] if best is None else [Hypothesis((*parent.specs, spec), best, profile_loss(objective, best.w))]
+    best: list[Hypothesis] = []
+    for active in trial_effects(spec, problem, (1,)):
+        reach = best[0].loss if best else math.inf
+        fit = fit_child(objective, parent.fit, [active], effort, reach=reach)
+        loss = math.inf if fit is None else profile_loss(objective, fit.w)
+        if fit is not None and loss < reach:
+            best = [Hypothesis((*parent.specs, spec), fit, loss)]
+    return best
 
 
 def as_mounts(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

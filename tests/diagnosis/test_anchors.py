@@ -30,12 +30,14 @@ def fitted(loss, *specs, size=1e-3):
 def tried(monkeypatch):
     asked = []
 
-    def fit(objective, base, actives, effort, bases):
+    def fit(objective, base, actives, effort, bases, reach):
+        assert reach == 5.0
         asked.append(tuple(actives))
         return SimpleNamespace(w=None)
 
     monkeypatch.setattr(anchors, "fit_child", fit)
     monkeypatch.setattr(anchors, "profile_loss", lambda objective, w: 0.0)
+    monkeypatch.setattr(anchors, "within_reach", lambda objective, base, leader: 5.0)
 
     def run(*hypotheses):
         found = anchors.beside_other_laws(None, None, hypotheses, CANDIDATES, None)

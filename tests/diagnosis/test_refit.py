@@ -53,6 +53,20 @@ def test_a_curved_valley_is_followed_to_its_end():
     assert np.allclose(fit.x, 1.0, atol=1e-3)
 
 
+def test_what_will_not_come_within_reach_is_left_and_what_will_is_followed_as_ever():
+    """Rosenbrock's valley above a floor of w'w = 9: nobody gets to 8, and to 9.5 the whole way leads through the bend."""
+
+    def followed(behind):
+        function = objective(lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0], 3.0]))
+        return least_squares(function, plain(2), np.array([-1.2, 1.0]), iterations=80, behind=behind)
+
+    whole, within, beyond = (followed(b) for b in (None, lambda w: w @ w - 9.5, lambda w: w @ w - 8.0))
+    assert np.array_equal(within.x, whole.x)
+    assert within.simulations == whole.simulations
+    assert beyond.simulations < whole.simulations / 2
+    assert not beyond.converged
+
+
 def test_bounds_hold_and_the_free_coordinates_still_converge():
     """With x <= 0.5 active the other coordinate reaches its own optimum."""
     fit = least_squares(

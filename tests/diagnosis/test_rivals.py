@@ -8,18 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis import rivals
 from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, at_rig, catalogue
 from jointscope.diagnosis.effects.friction import falling_about
 from jointscope.diagnosis.effects.modes import INBOARD
 from jointscope.diagnosis.effects.periodic import harmonics, slower_lines
+from jointscope.diagnosis.lent import same_numbers
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import Objective, whitened
 from jointscope.diagnosis.per_run import loaded, two_groups
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.refit import Fit
-from jointscope.diagnosis.rivals import _elsewhere, _freer, contained, grown, same_numbers
+from jointscope.diagnosis.rivals import _elsewhere, _freer, contained, grown
 from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
 from jointscope.diagnosis.twins import (
     BETWEEN,
@@ -254,13 +256,14 @@ def test_the_simpler_friction_is_fitted_from_where_the_wider_one_is(problem, rec
     assert near == []
 
 
-def test_about_a_friction_of_nothing_none_is_sought(problem):
+def test_about_a_friction_of_nothing_none_is_sought(problem, monkeypatch):
     """Fitted to no torque at all, a Coulomb friction bounds a Stribeck friction to nothing: its logarithm was a traceback."""
     nothing = ActiveEffect(law(problem, "coulomb-friction", "plain", "load"), (0.0,))
     wider = candidates_for(problem, (law(problem, "stribeck-friction", "gaussian", "load"),))
     where = coordinates(problem, (nothing.spec,))
     x = where.pack(problem.base.start, (nothing,))
     leader = SimpleNamespace(specs=(nothing.spec,), fit=SimpleNamespace(coordinates=where, x=x))
+    monkeypatch.setattr(rivals, "within_reach", lambda objective, base, leader: math.inf)
     assert grown(SimpleNamespace(problem=problem), None, leader, wider, Effort()) == []
 
 
