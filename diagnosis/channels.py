@@ -32,6 +32,7 @@ Vector = NDArray[np.float64]
 REACH = 20  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
 _BLOCK = 1024  # outputs side by side, which stay in the nearest cache
 _TABLE = 512  # entries per sample of its table
+_MOST_ALIKE = 8  # samples that may lie differently to the nodes, each with taps of its own
 _KAISER = 10.0
 SMOOTH = (*FOLLOWING, WIND_UP)  # nothing in them reaches half the rate
 ACCELERATIONS = ("linear-acceleration", "angular-acceleration", "acceleration")
@@ -83,35 +84,35 @@ def _phase(phases: Vector, node: int, first: int, count: int) -> Vector:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _decimate(x: Vector, step: int, offset: int, taps: Vector, out: Vector) -> None:
-    """The same where every wanted time is a node: ``out[i]`` at node ``offset + i step``; an even number of taps to a side."""
-    n, count = x.shape[0], out.shape[0]
-    half = taps.shape[0] - 1
-    begin = min(max((half - offset + step - 1) // step, 0), count)  # inside, no tap reaches beyond an end
-    end = max(min((n - 1 - half - offset) // step + 1, count), begin)
+def _decimate(x: Vector, step: int, first: int, taps: Vector, out: Vector) -> None:
+    """``out[i]`` of the nodes from ``first + i step`` on, weighed by ``taps``: the same where the wanted times are so spaced.
+
+    The number of taps is a multiple of four.
+    """
+    n, count, width = x.shape[0], out.shape[0], taps.shape[0]
+    begin = min(max((step - 1 - first) // step, 0), count)  # inside, no tap reaches beyond an end
+    end = max(min((n - width - first) // step + 1, count), begin)
     phases = np.empty((step, n // step + 1))
     for p in range(step):
         for k in range((n - p + step - 1) // step):
             phases[p, k] = x[p + k * step]
-    for first in range(begin, end, _BLOCK):
-        block = out[first : min(first + _BLOCK, end)]
-        middle = _phase(phases, offset, first, block.size)
-        for i in range(block.size):
-            block[i] = taps[0] * middle[i]
-        for j in range(1, half, 2):  # two pairs of taps at a time: the block is read and written half as often
-            a = _phase(phases, offset + j, first, block.size)
-            b = _phase(phases, offset - j, first, block.size)
-            c = _phase(phases, offset + j + 1, first, block.size)
-            d = _phase(phases, offset - j - 1, first, block.size)
-            near, far = taps[j], taps[j + 1]
+    for start in range(begin, end, _BLOCK):
+        block = out[start : min(start + _BLOCK, end)]
+        block[:] = 0.0
+        for j in range(0, width, 4):  # four taps at a time: the block is read and written a quarter as often
+            a = _phase(phases, first + j, start, block.size)
+            b = _phase(phases, first + j + 1, start, block.size)
+            c = _phase(phases, first + j + 2, start, block.size)
+            d = _phase(phases, first + j + 3, start, block.size)
+            h_a, h_b, h_c, h_d = taps[j], taps[j + 1], taps[j + 2], taps[j + 3]
             for i in range(block.size):
-                block[i] += near * (a[i] + b[i]) + far * (c[i] + d[i])
+                block[i] += h_a * a[i] + h_b * b[i] + h_c * c[i] + h_d * d[i]
     for i in range(count):
         if begin <= i < end:
             continue
-        at, total = offset + i * step, 0.0
-        for j in range(-half, half + 1):
-            total += taps[abs(j)] * _extended(x, at + j)
+        total = 0.0
+        for j in range(width):
+            total += taps[j] * _extended(x, first + i * step + j)
         out[i] = total
 
 
@@ -132,11 +133,20 @@ def _between(x: Vector, rate: float, t0: float, times: Vector, out: Vector) -> N
         )
 
 
-@lru_cache(maxsize=64)
-def _taps(ratio: int) -> Vector:
-    grid = np.arange(REACH * ratio + 1) * _TABLE / ratio
-    taps = np.interp(grid, np.arange(_table().size), _table())
-    return np.asarray(taps / (taps[0] + 2.0 * taps[1:].sum()))
+@lru_cache(maxsize=256)
+def _taps(part: float, ratio: float) -> tuple[int, Vector]:
+    """Weights of the nodes about a time ``part`` of a node past one, by ``ratio`` nodes per sample: the first, and all."""
+    first, last = math.ceil(part - REACH * ratio), math.floor(part + REACH * ratio)
+    nodes = np.arange(first, first + 4 * (-(-(last - first + 1) // 4)))
+    taps = np.interp(np.abs(nodes - part) * _TABLE / ratio, np.arange(_table().size), _table())
+    taps[nodes > last] = 0.0
+    return first, np.asarray(taps / taps.sum())
+
+
+def _commensurate(ratio: float) -> int:
+    """Samples after which a grid of ``ratio`` nodes per sample meets them alike again; 0 where that is too many."""
+    alike = (q for q in range(1, _MOST_ALIKE + 1) if abs(q * ratio - round(q * ratio)) < 1e-9 * q * ratio)
+    return next(alike, 0)
 
 
 def recorded(x: Vector, grid_rate: float, t0: float, times: Vector, rate: float) -> Vector:
@@ -146,15 +156,20 @@ def recorded(x: Vector, grid_rate: float, t0: float, times: Vector, rate: float)
     """
     out = np.empty(times.size)
     ratio = grid_rate / rate
-    offset = (times[0] - t0) * grid_rate if times.size else 0.0
-    whole = round(ratio)
-    aligned = abs(ratio - whole) < 1e-9 * whole and abs(offset - round(offset)) < 1e-6
-    if aligned and abs((times[-1] - times[0]) * rate - (times.size - 1)) < 1e-6:
-        if whole == 1:
-            return np.asarray(x[round(offset) : round(offset) + times.size], dtype=np.float64).copy()
-        _decimate(x, whole, round(offset), _taps(whole), out)
-    else:
+    every = _commensurate(ratio)
+    if not every or abs((times[-1] - times[0]) * rate - (times.size - 1)) > 1e-6:
         _read(x, grid_rate, t0, times, min(rate, grid_rate), _table(), out)
+        return out
+    for k in range(min(every, times.size)):
+        at = (times[0] - t0) * grid_rate + k * ratio
+        node = round(at) if abs(at - round(at)) < 1e-6 else math.floor(at)
+        part = at - node if abs(at - node) > 1e-6 else 0.0
+        if ratio == 1.0 and part == 0.0:
+            return np.asarray(x[node : node + times.size], dtype=np.float64).copy()
+        first, taps = _taps(part, max(ratio, 1.0))
+        samples = np.empty(out[k::every].size)
+        _decimate(x, round(every * ratio), node + first, taps, samples)
+        out[k::every] = samples
     return out
 
 

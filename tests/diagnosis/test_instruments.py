@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.acquisition import lagged, looped, relogged
-from jointscope.diagnosis.channels import mount_resonance, recorded
+from jointscope.diagnosis.channels import _commensurate, _read, _table, mount_resonance, recorded
 
 
 def test_lag_has_the_gain_and_phase_of_a_first_order_law():
@@ -69,3 +69,16 @@ def test_the_recorder_passes_its_band_and_nothing_above():
     np.testing.assert_allclose(
         shifted[inner], np.sin(2 * np.pi * 40.0 * (times[:-1] + 0.37 / rate))[inner], atol=3e-5
     )
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.0, 1.5, 2.0, 2.4, 3.0, 1.37])
+@pytest.mark.parametrize("late", [0.0, 0.37, -12.3])
+def test_taps_of_each_place_between_nodes_say_what_the_table_says_sample_by_sample(ratio, late):
+    """Where a grid meets every few samples alike, ends included; one that never does is read from the table itself."""
+    rate, count = 1280.0, 500
+    x = np.random.default_rng(3).standard_normal(int(count * ratio) + 20)
+    times = (5.0 + late) / (rate * ratio) + np.arange(count) / rate
+    expected = np.empty(count)
+    _read(x, rate * ratio, 0.0, times, min(rate, rate * ratio), _table(), expected)
+    np.testing.assert_allclose(recorded(x, rate * ratio, 0.0, times, rate), expected, atol=1e-10)
+    assert (_commensurate(ratio) == 0) == (ratio == 1.37)
