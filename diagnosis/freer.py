@@ -11,6 +11,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "rounded-asymmetric": ("rounded-algebraic",),
     "dahl": ("bouc-wen-shaped", "slip-spread"),
     "bouc-wen": ("bouc-wen-shaped", "slip-spread"),
+    "bouc-wen-linear": ("bouc-wen-shaped", "slip-spread"),
     "maxwell-slip": ("slip-spread",),
     **dict.fromkeys(("free-flight", "damped", "sheds"), ("cushioned", "hyperbolic", "softplus", "impact")),
     "hyperbolic": ("softplus",),

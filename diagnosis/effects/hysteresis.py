@@ -1,6 +1,7 @@
 r"""Hysteresis of the transmission: a loop in torque over wind-up beside the spring, the same at any rate.
 
     T_S = K Delta + T z,  z' = (v/D)(1 - [sgn(v z)/2 + 1/2]|z|^nu),  D = T/stiffness   Bouc-Wen (nu = 2), Dahl (nu = 1)
+    z' = (v/D)(1 - |z| (sgn(v z)/2 + 1/2))                                       Bouc-Wen, nu = 1
     z' = (v/D)(1 - |z| (sgn(v z) + shape))                                       Bouc-Wen with its shape free
     z = mean of clip(Delta/D + slip, +-y_i), mean of y_i = 1                     equal springs that slip (Maxwell-slip)
 
@@ -47,6 +48,11 @@ def _loop(kind: int) -> Apply:
 def _shaped_loop(assembly: Assembly, values: Values, weight: float) -> None:
     _loop(kernel.BOUC_WEN_SHAPED)(assembly, values, weight)
     assembly.P[kernel.HYST_SHAPE] = values[2]
+
+
+def _linear_loop(assembly: Assembly, values: Values, weight: float) -> None:
+    """u = z/2 over twice the torque: u' = (v/2D)(1 - |u| (sgn(v u) + 1))."""
+    _shaped_loop(assembly, (2.0 * values[0], values[1], 1.0), weight)
 
 
 def slip_levels(spread: float) -> tuple[float, ...]:
@@ -96,6 +102,7 @@ def _shaped_starts(problem: Problem) -> tuple[Values, ...]:
 _PLAIN = "K Delta + T z(Delta), initial slope K + stiffness"
 _LAWS: tuple[tuple[str, str, Apply, tuple[ParameterSpec, ...], Starts, int], ...] = (
     ("bouc-wen", _PLAIN, _loop(kernel.BOUC_WEN), (), _loop_starts, 2),
+    ("bouc-wen-linear", _PLAIN, _linear_loop, (), _loop_starts, 2),
     ("maxwell-slip", _PLAIN, _slips, (), _loop_starts, 0),
     ("dahl", _PLAIN, _loop(kernel.DAHL), (), _loop_starts, 2),
     ("elastic-slip", _PLAIN, _loop(kernel.ELASTIC_SLIP), (), _loop_starts, 0),

@@ -70,6 +70,9 @@ def hysteresis(building: Building, location: str, variant: str, p: Parameters) -
     if variant == "bouc-wen-shaped":
         building.law("hysteresis", form=variant, torque=torque, angle=angle, shape=p["shape"])
         return ""
+    if variant == "bouc-wen-linear":
+        building.law("hysteresis", form="bouc-wen-shaped", torque=2.0 * torque, angle=2.0 * angle, shape=1.0)
+        return ""
     if variant not in ("maxwell-slip", "slip-spread"):
         building.law("hysteresis", form="dahl" if variant == "dahl" else "bouc-wen", torque=torque, angle=angle)
         return ""

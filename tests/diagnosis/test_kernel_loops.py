@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.effects.hysteresis import SPECS as HYSTERESIS
 from jointscope.diagnosis.effects.hysteresis import slip_levels
 from jointscope.diagnosis.kernel import laws as k_laws
 
@@ -74,6 +76,21 @@ def test_a_loop_of_shape_zero_is_dahls(travel):
     assert k_laws.hysteresis(0.3, travel, 1e-5, k.BOUC_WEN_SHAPED, 0.0) == pytest.approx(
         k_laws.hysteresis(0.3, travel, 1e-5, k.DAHL, 0.0), rel=1e-12
     )
+
+
+def test_a_loop_of_bouc_and_wens_first_power_is_what_the_law_says():
+    """z' = (v/D)(1 - |z| (sgn(v z) + 1)/2) with D = T/stiffness, there and back again, by Euler's steps."""
+    spec = next(s for s in HYSTERESIS if s.variant == "bouc-wen-linear")
+    P, S = packed()
+    torque, stiffness = 12.0, 3e5
+    spec.apply(SimpleNamespace(P=P, S=S), (torque, stiffness), 1.0)
+    value, state, steps = 0.0, 0.0, 100_000
+    for travel in (5e-5, -9e-5, 3e-5):
+        h = travel / steps * stiffness / torque
+        for _ in range(steps):
+            value += h * (1.0 - abs(value) * (np.sign(value * travel) + 1.0) / 2.0)
+        state = k_laws.hysteresis(state, travel, P[k.HYST_ANGLE], S[k.HYST_KIND], P[k.HYST_SHAPE])
+        assert P[k.HYST_TORQUE] * state == pytest.approx(torque * value, rel=1e-4)
 
 
 def test_a_loop_of_shape_below_minus_one_stiffens_and_dissipates():

@@ -66,6 +66,7 @@ CATALOGUE = [
     ("stiffness-nonlinearity", "transmission", "smooth", {"soft_share": 0.3, "transition_angle": 1e-4}, "soft_share", 0.0),
     ("stiffness-nonlinearity", "transmission", "power", {"growth": 0.2, "exponent": 1.6, "reference_angle": 1e-4}, "growth", 0.0),
     ("hysteresis", "transmission", "bouc-wen", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
+    ("hysteresis", "transmission", "bouc-wen-linear", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "dahl", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
     ("hysteresis", "transmission", "bouc-wen-shaped", {"torque": 8.0, "stiffness": 1e5, "shape": -1.4}, "torque", 0.0),
     ("hysteresis", "transmission", "maxwell-slip", {"torque": 8.0, "stiffness": 1e5}, "torque", 0.0),
