@@ -12,6 +12,7 @@ Laws, all at the joint output:
     neighbour     a joint that the model has rigid: K_j = M_jj (2 pi f)^2, c_j = 2 zeta sqrt(K_j M_jj)
     base          the whole arm on its mount, a joint more at the root: K = M_00 (2 pi f)^2
     motor         n T_e times gain; n T_e behind a first-order lag
+    lines         torque ripple and kinematic error (:mod:`jointscope.diagnosis.arm.periodic`)
     load          a link's own weight times more (:mod:`jointscope.diagnosis.arm.weight`)
 """
 
@@ -25,6 +26,7 @@ import numpy as np
 
 from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.law import SEPARATOR, Put, applied, arm_law
+from jointscope.diagnosis.arm.periodic import lines
 from jointscope.diagnosis.arm.plant import Mount
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.arm.recorder import recorder_faults
@@ -373,4 +375,5 @@ def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
         if any(r.driven == j for r in runs):
             found.extend(_drive(problem, int(j)))
             found.extend(weights(problem, int(j), _reach(problem, int(j))))
+            found.extend(lines(problem, int(j), _reach(problem, int(j))))
     return (*found, *_mount(problem), *recorder_faults(problem))

@@ -5,9 +5,9 @@ transition of its linear part. Both obey
 
     M(p) q'' + p' D (q' - e_k p'/2) + b_l q' + g + K_g y = T_S + J_hit' F  links
     J_M s'' + b_m s' + F_dry(s') = tau - T_S                               rotors that are not braked
-    T_S = spring(s - y) + c' (s' - y')
+    T_S = spring(s - y + e) + c' (s' - y' + e'), e = a (sin(o s + phase) - sin phase)
     tau = tau_0 + k_p (s_0 - s) - k_v s'                                   held by a drive
-    tau = n eta T_e + k_a (r + s_0 - s) + c_a (r' - s')                    driven: logged torque, tied to the path r
+    tau = n eta T_e + a sin(o s + phase) + k_a (r + s_0 - s) + c_a (r' - s')   driven: logged torque, tied to the path r
 
 The tie (an observer of about 1 Hz on the recorded motor angle) keeps a measured torque from drifting away and is soft
 against everything in the band. Dry friction is exact: at the start of a step a rotor at rest stays there while what acts
@@ -27,8 +27,9 @@ from numba import njit
     STIFFNESS, DAMPING, ROTOR_INERTIA, ROTOR_DAMPING, DRIVE_STIFFNESS, DRIVE_DAMPING, COULOMB, BREAKAWAY,
     STRIBECK_SPEED, GAP, GAP_DAMPING, CUBIC, SOFT_SHARE, SOFT_WIDTH, REST_TORQUE, REST_WIND_UP, LINK_DAMPING,
     SIDED, PRESLIDING, SHEDS, LOOP_TORQUE, LOOP_ANGLE, LOOP_SLIPS,
-) = range(23)  # fmt: skip
-COLUMNS = 23  # of a joint's row
+    RIPPLE, RIPPLE_ORDER, RIPPLE_PHASE, ERROR, ERROR_ORDER, ERROR_PHASE, ERROR_REACTS,
+) = range(30)  # fmt: skip
+COLUMNS = 30  # of a joint's row
 SLIPS = 4  # springs of a loop that slip one after the other
 
 BRAKED, HELD, DRIVEN, FREE = 0, 1, 2, 3
@@ -119,7 +120,12 @@ def _rates(
     for i in range(m):
         p = P[i]
         s, v = x[2 * m + i], x[3 * m + i]
-        transmitted = reducer_torque(s - x[i], v - x[m + i], p)
+        error, turned = 0.0, 0.0
+        if kind[i] == DRIVEN and p[ERROR] != 0.0:
+            at = p[ERROR_ORDER] * (s - p[REST_WIND_UP]) + p[ERROR_PHASE]
+            error = p[ERROR] * (math.sin(at) - math.sin(p[ERROR_PHASE]))
+            turned = p[ERROR] * p[ERROR_ORDER] * math.cos(at)
+        transmitted = reducer_torque(s - x[i] + error, v - x[m + i] + turned * v, p)
         if p[LOOP_TORQUE] != 0.0:
             transmitted += p[LOOP_TORQUE] * loop(loops[i], s - x[i] - wound[i], p, False)
         total = transmitted + hit[i] * force - gravity[i] - p[LINK_DAMPING] * x[m + i]
@@ -140,6 +146,9 @@ def _rates(
             drive = p[REST_TORQUE] + p[DRIVE_STIFFNESS] * (p[REST_WIND_UP] - s) - p[DRIVE_DAMPING] * v
         elif kind[i] == DRIVEN:
             drive = torque + tied + tie * (p[REST_WIND_UP] - s) - tie_rate * v
+            if p[RIPPLE] != 0.0:
+                drive += p[RIPPLE] * math.sin(p[RIPPLE_ORDER] * (s - p[REST_WIND_UP]) + p[RIPPLE_PHASE])
+            drive -= turned * p[ERROR_REACTS] * transmitted  # an error that does no work
         dry = 0.0
         if p[PRESLIDING] > 0.0:
             dry = bristle_torque(bristle(bent[i], s - before[i], p[PRESLIDING]), v, p)
@@ -167,13 +176,17 @@ def _directions(
         if v != 0.0 or p[PRESLIDING] > 0.0:
             slip[i] = 1 if v > 0.0 else -1
             continue
-        net = -reducer_torque(s - x[i], v - x[m + i], p)
+        error = 0.0
+        if kind[i] == DRIVEN and p[ERROR] != 0.0:
+            error = math.sin(p[ERROR_ORDER] * (s - p[REST_WIND_UP]) + p[ERROR_PHASE]) - math.sin(p[ERROR_PHASE])
+        net = -reducer_torque(s - x[i] + p[ERROR] * error, v - x[m + i], p)
         if p[LOOP_TORQUE] != 0.0:
             net -= p[LOOP_TORQUE] * loop(loops[i], 0.0, p, False)
         if kind[i] == HELD:
             net += p[REST_TORQUE] + p[DRIVE_STIFFNESS] * (p[REST_WIND_UP] - s)
         elif kind[i] == DRIVEN:
             net += torque + tied + tie * (p[REST_WIND_UP] - s)
+            net += p[RIPPLE] * math.sin(p[RIPPLE_ORDER] * (s - p[REST_WIND_UP]) + p[RIPPLE_PHASE])
         sticks = dry_limit(0.0, p)
         if sticks > 0.0 and abs(net) <= sticks * (1.0 + math.copysign(p[SIDED], net)):
             slip[i] = 0
