@@ -230,27 +230,6 @@ def work_done(runs: tuple[PreparedRun, ...], key: tuple[object, ...]) -> float:
     return net / gross if gross > 0.0 else 0.0
 
 
-def followers_polarities(runs: tuple[PreparedRun, ...]) -> dict[tuple[object, ...], float]:
-    """-1 for each kind of angle at the arm that plainly moves against the motor's, else +1.
-
-    The arm goes where the motor goes, but for the wind-up: no model is needed where the motor turns far.
-    """
-    found: dict[tuple[object, ...], float] = {}
-    for run in runs:
-        motor = run.observed
-        if motor is None or motor.side != "motor" or motor.rate_signal or motor.commanded:
-            continue
-        for output in run.outputs:
-            if output.location == "motor" or output.quantity not in ("angle", "position"):
-                continue
-            turned, data = motor.signal(output.times)[output.mask], output.data[output.mask]
-            if data.size < 2 or not (np.std(turned) > 0.0 and np.std(data) > 0.0):
-                continue
-            key = channel_key(run, output)
-            found[key] = found.get(key, 0.0) + float(np.corrcoef(turned, data)[0, 1])
-    return {key: -1.0 if agreement < -_CONTRADICTION else 1.0 for key, agreement in found.items()}
-
-
 def polarities(theta: Vector, measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:
     """-1 for each kind of channel whose phase plainly contradicts the base's, else +1."""
     named = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))

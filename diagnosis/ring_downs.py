@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.base import representative
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.objective import whitened
 from jointscope.diagnosis.opening import opening
 from jointscope.diagnosis.refit import Fit, least_squares
-from jointscope.diagnosis.search import Hypothesis, name_of, profile_loss
+from jointscope.diagnosis.search import Hypothesis, held_at, name_of, profile_loss
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.base import Stage
@@ -48,6 +48,8 @@ SHARP, ROUND = (
     1e-3,
     1e-4,
 )  # of a parameter's size, over which contacts are differenced: below, an event moves by whole steps
+SHOWN = ("stiffness", "damping", "load_inertia", "load_damping", "gravity_moment")  # by hits on a held joint
+RUBS = BASE_INDEX["load_damping"], BASE_INDEX["motor_damping"]
 EFFORT_FIRST, EFFORT_FURTHER, EFFORT_WHOLE = (
     (15, 120),
     (10, 60),
@@ -112,7 +114,7 @@ def over_whole(
     """What was begun over first periods, fitted to whole runs; without what explains nothing there."""
     found = []
     for fit in begun:
-        whole = _whole(objective, _along(hit, noise, fit))
+        whole = _whole(objective, base, _along(hit, noise, fit))
         if whole.chi2 < base.chi2:
             found.append(Hypothesis(whole.coordinates.effects, whole, profile_loss(objective, whole.w)))
     return found
@@ -136,11 +138,29 @@ def _fit(objective: Objective, where: Coordinates, x: np.ndarray, effort: tuple[
     return least_squares(objective, where, x, iterations=effort[0], tolerance=3e-3, simulations=effort[1])
 
 
-def _whole(objective: Objective, fit: Fit) -> Fit:
+def _whole(objective: Objective, base: Fit, fit: Fit) -> Fit:
     """Fitted on to whole runs, once with steps across contacts and once with small ones."""
     where = coordinates(objective.problem, fit.coordinates.effects)
-    rough = _fit(objective, coarse(where), fit.x, EFFORT_WHOLE)
+    rough = _fit(objective, coarse(where), _beside_motions(objective, base, fit, where), EFFORT_WHOLE)
     return _fit(objective, where, rough.x, EFFORT_WHOLE)
+
+
+def _beside_motions(objective: Objective, base: Fit, fit: Fit, where: Coordinates) -> np.ndarray:
+    """Where the hits' fit goes on from in runs whose motor moves: what hits don't show is fitted beside what they do.
+
+    The motor rubs by what the base's damping held of both ends together; without it a joint that drifts off is all
+    that is left to be seen.
+    """
+    theta, effects = fit.coordinates.unpack(fit.x)
+    if all(run.mode == "braked" for run in objective.prepared):
+        return fit.x
+    before, _ = base.coordinates.unpack(base.x)
+    both = before[RUBS[0]] + before[RUBS[1]]
+    theta[RUBS[1]] = max(both - theta[RUBS[0]], before[RUBS[1]])
+    x = where.pack(theta, effects)
+    shown = [k for k, place in enumerate(where.free) if BASE_NAMES[place] in SHOWN]
+    held = held_at(where, x, [*shown, *range(where.n_base, where.n)])
+    return _fit(objective, held, x, EFFORT_FIRST).x
 
 
 def coarse(where: Coordinates) -> Coordinates:

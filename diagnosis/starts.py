@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.alignment import aligned, inexact
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.channels import high_pass
+from jointscope.diagnosis.followers import followers_polarities
 from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.problem import Problem
@@ -23,7 +24,6 @@ from jointscope.diagnosis.responses import (
     WORKED,
     channel_key,
     fitted,
-    followers_polarities,
     passive_polarities,
     polarities,
     responses,
@@ -74,7 +74,8 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...], law: DriveLaw | 
 def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = False) -> Problem:
     """Start values from whichever candidate comes nearest; ``exact`` says that uncertain clocks are aligned already."""
     base = base_spec(rig, runs)
-    runs, followers = _righted(runs, followers_polarities(runs))
+    following = followers_polarities(runs)
+    runs, followers = _righted(runs, following)
     passive = passive_polarities(responses(runs, exact=exact))
     runs, findings = _righted(runs, {key: sign for key, sign in passive.items() if not _worked(rig, runs, key)})
     findings = (*followers, *findings)
@@ -88,10 +89,12 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
         findings=findings,
     )
     problem = _nearest(problem, measured)
-    for key, sign in polarities(problem.base.start, measured).items():
-        if sign > 0.0 or _worked(rig, problem.runs, key):
-            continue
-        turned, found = _righted(problem.runs, {key: sign})
+    signs = polarities(problem.base.start, measured)
+    wrong = [key for key, sign in signs.items() if sign < 0.0 and not _worked(rig, problem.runs, key)]
+    if not any("motor" in key for key in wrong):  # else it may be the motor that counts the other way
+        wrong = [key for key in wrong if key not in following]
+    for key in wrong:
+        turned, found = _righted(problem.runs, {key: -1.0})
         other = replace(problem, runs=turned, base=base, findings=(*problem.findings, *found))
         other = _nearest(other, responses(turned, exact=exact))
         if _misfit(other, other.base.start) < _misfit(problem, problem.base.start):

@@ -47,6 +47,20 @@ def windup_of(x: Real, P: Real, S: NDArray[np.int64], y: float) -> float:
 
 
 @compiled
+def winding_of(x: Real, S: NDArray[np.int64], w: float) -> float:
+    """Rate of the wind-up but for the lines' part; ``w``: the speed that is prescribed."""
+    v_s = w if S[MOTOR] == MOTOR_PRESCRIBED else x[1]
+    v = w if S[LOAD_PRESCRIBED] else x[3]
+    return float(v_s - v)
+
+
+@compiled
+def sets_in_at_once(P: Real) -> bool:
+    """Whether a play has flanks whose stiffness is there at once: each crossing is an event."""
+    return bool(P[GAP_HALF] > 0.0 and P[GAP_CORNER] == 0.0 and P[GAP_ROUND] == 0.0)
+
+
+@compiled
 def windup_of_scalars(q_s: float, q: float, P: Real, S: NDArray[np.int64]) -> float:
     error = 0.0
     for i in range(S[N_TE]):
@@ -76,3 +90,35 @@ def release(f0: float, f1: float, g0: float, g1: float, P: Real, first: int, go:
     if over0 >= 0.0 or over1 <= over0:
         return 0.0
     return float(-over0 / (over1 - over0))
+
+
+@compiled
+def flank_of(el: float, half: float) -> int:
+    """Which flank of a play a wind-up ``el`` from its centre is on, +1 or -1; 0 between them."""
+    if el > half:
+        return 1
+    return -1 if el < -half else 0
+
+
+@compiled
+def crossing(d0: float, r0: float, d1: float, r1: float) -> float:
+    """Fraction of an interval at which what goes from ``d0`` to ``d1`` of the other sign meets nought.
+
+    By Hermite's cubic through both ends, of which ``r0`` and ``r1`` are the rates times the interval.
+    """
+    if d0 == 0.0 or d0 * d1 > 0.0:
+        return 0.0
+    low, high, u = 0.0, 1.0, d0 / (d0 - d1)
+    cubic, square = 2.0 * (d0 - d1) + r0 + r1, 3.0 * (d1 - d0) - 2.0 * r0 - r1
+    for _ in range(20):
+        value = d0 + u * (r0 + u * (square + u * cubic))
+        if value * d0 > 0.0:
+            low = u
+        else:
+            high = u
+        slope = r0 + u * (2.0 * square + 3.0 * u * cubic)
+        step = -value / slope if slope != 0.0 else 2.0
+        if abs(step) < 1e-9:
+            break
+        u = u + step if low < u + step < high else 0.5 * (low + high)
+    return float(u)

@@ -65,8 +65,9 @@ def _rates_source(
     factor = 1.0 + P[DRIFT] * t
     if P[PAR_SHARE] != 0.0:
         factor += P[PAR_SHARE] * math.sin(P[PAR_MOTOR] * (q_s + P[MOTOR_ZERO]) + P[PAR_LOAD] * q + P[PAR_PHASE])
-    T, contact = elastic(P, delta, factor)
-    bent = T
+    seat = int(mem[MEM_SEAT])
+    T, contact = elastic(P, delta, factor, seat)
+    bent = T if seat == 2 else float(seat)
     T += (P[C] * contact + P[RUB] * abs(delta) + P[GAP_IMPACT] * abs(T)) * rate
     if P[GAP_SHEDS] != 0.0 and T * bent <= 0.0:
         T = 0.0

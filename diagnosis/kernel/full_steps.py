@@ -6,7 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
-from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, slide, windup_of
+from jointscope.diagnosis.kernel.events import (
+    crossing,
+    direction,
+    flank_of,
+    input_at,
+    release,
+    remember,
+    sets_in_at_once,
+    slide,
+    winding_of,
+    windup_of,
+)
 from jointscope.diagnosis.kernel.full_rates import rates, rates_inlined
 from jointscope.diagnosis.kernel.laws import friction
 from jointscope.diagnosis.kernel.layout import *
@@ -48,6 +59,9 @@ def simulate_full(
     mem[5] = 1e9  # angle about which weight is expanded; none yet
     mem[MEM_TURN::3] = 1e9  # the lines' arguments alike
     mem[0] = windup_of(x, P, S, y[0])
+    mem[MEM_SEAT] = 2.0
+    half, centre = P[GAP_HALF], P[GAP_CENTRE]
+    play = sets_in_at_once(P)
     hyst = S[HYST_KIND] != 0
     dry_m = S[FRICTION_M] != 0 and S[MOTOR] == MOTOR_FREE
     dry_l = S[FRICTION_L] != 0 and S[LOAD_PRESCRIBED] == 0
@@ -58,7 +72,9 @@ def simulate_full(
             sl = 1 if w[2 * k] > 0.0 else -1
         if S[MOTOR] == MOTOR_PRESCRIBED:
             sm = 1 if w[2 * k] > 0.0 else -1
-        s, target, pending = 0.0, 1.0, 0
+        s, target, pending, part = 0.0, 1.0, 0, 1.0
+        if play:
+            mem[MEM_SEAT] = flank_of(windup_of(x, P, S, y[2 * k]) - centre, half)
         for event in range(MAX_EVENTS):
             # Runge-Kutta from fraction s to target
             d = (target - s) * h
@@ -86,7 +102,7 @@ def simulate_full(
                 xn[i] = x[i] + d / 6.0 * total[i]
             if event == 0:
                 _record(P, S, sm, sl, aux, out, k)
-            if not (dry_m or dry_l):
+            if not (dry_m or dry_l or play):
                 break
             if pending == 0:
                 if event >= MAX_EVENTS - 2:
@@ -114,6 +130,16 @@ def simulate_full(
                             part = release(aux[1], ahead[1], aux[4], ahead[4], P, FL_PLUS, go)
                             if pending == 0 or part < share:
                                 pending, share = 4 if go > 0 else 6, part
+                if play:
+                    before = windup_of(x, P, S, input_at(y, k, s)) - centre
+                    after = windup_of(xn, P, S, y[2 * k + 2]) - centre
+                    seat = int(mem[MEM_SEAT])
+                    if flank_of(after, half) != seat:
+                        edge = half if seat > 0 or (seat == 0 and after > 0.0) else -half
+                        r0, r1 = winding_of(x, S, input_at(w, k, s)) * d, winding_of(xn, S, w[2 * k + 2]) * d
+                        part = crossing(before - edge, r0, after - edge, r1)
+                        if pending == 0 or part < share:
+                            pending, share = 7, part
                 if pending == 0:
                     break
                 target = s + share * (1.0 - s)
@@ -140,8 +166,12 @@ def simulate_full(
                     sl = direction(ahead[1], ahead[4], P, FL_PLUS)
             elif pending == 3 or pending == 5:
                 sm = 1 if pending == 3 else -1
-            else:
+            elif pending != 7:
                 sl = 1 if pending == 4 else -1
+            elif mem[MEM_SEAT] != 0.0:
+                mem[MEM_SEAT] = 0.0
+            else:
+                mem[MEM_SEAT] = 1.0 if windup_of(x, P, S, input_at(y, k, s)) > centre else -1.0
             pending = 0
             if s > 1.0 - 1e-9:
                 for i in range(m):
@@ -154,5 +184,6 @@ def simulate_full(
         for i in range(m):
             x[i] = xn[i]
     j = 2 * n
+    mem[MEM_SEAT] = 2.0
     rates(x, k1, t0 + n * h, um[j], ul[j], y[j], w[j], P, S, mem, sm, sl, aux, True)
     _record(P, S, sm, sl, aux, out, n)

@@ -214,8 +214,11 @@ def powered(el: float, P: Real) -> float:
 
 
 @compiled
-def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
-    """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-])."""
+def elastic(P: Real, delta: float, factor: float, seat: int) -> tuple[float, float]:
+    """Elastic part of T_S at wind-up ``delta`` [rad] -> (torque [N m], share of c that acts [-]).
+
+    ``seat``: flank of a play whose law is taken, +1 or -1, 0 between them; 2 where ``delta`` says it.
+    """
     el = delta
     contact = 1.0
     if P[GAP_HALF] > 0.0:
@@ -223,9 +226,9 @@ def elastic(P: Real, delta: float, factor: float) -> tuple[float, float]:
         if P[GAP_CORNER] != 0.0:
             el, slope = bent(el, P[GAP_HALF], P[GAP_CORNER])
             contact = faded(slope, P[GAP_FADE])
-        elif el > P[GAP_HALF]:
+        elif seat == 1 or (seat == 2 and el > P[GAP_HALF]):
             el -= P[GAP_HALF]
-        elif el < -P[GAP_HALF]:
+        elif seat == -1 or (seat == 2 and el < -P[GAP_HALF]):
             el += P[GAP_HALF]
         else:
             el = 0.0
@@ -255,7 +258,7 @@ def windup(P: Real, torque: float) -> float:
     low, high = -reach, reach
     for _ in range(80):
         middle = 0.5 * (low + high)
-        value, _contact = elastic(P, middle, 1.0)
+        value, _contact = elastic(P, middle, 1.0, 2)
         if value < torque:
             low = middle
         else:

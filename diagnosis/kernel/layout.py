@@ -105,9 +105,8 @@ MEM_TURN = (
     MEM_SLIP + SLIP_ELEMENTS
 )  # (argument, sine, cosine) about which each line is expanded: errors, then ripples
 LINES_EACH = 3
-N_MEM = (
-    MEM_TURN + 6 * LINES_EACH
-)  # before all these the wind-up, a loop, weight's angle from 5 on, bristles from 8 on
+MEM_SEAT = MEM_TURN + 6 * LINES_EACH  # flank of a play whose law is taken through a step; 2: as the wind-up says
+N_MEM = MEM_SEAT + 1  # before all these the wind-up, a loop, weight's angle from 5 on, bristles from 8 on
 MAX_EVENTS = 12  # pieces into which dry friction may cut one step
 
 # --- what a scalar stepper holds beside the plain joint: bits -----------------------------------------------------------

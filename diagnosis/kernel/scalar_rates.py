@@ -32,11 +32,12 @@ def _scalar_rates_source(
     q_s: float, v_s: float, q: float, v: float, r: float, u: float, t: float, um: float, ul: float, y: float,
     held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
     dry_m: bool, dry_l: bool, sm: int, sl: int, rich: bool, P: Real, S: NDArray[np.int64], mem: Real, mode: int,
-    on: tuple[int, ...], relaxing: float,
+    on: tuple[int, ...], relaxing: float, seat: int,
 ) -> tuple[float, ...]:  # fmt: skip
     """Rates of q_s, q_s', q, q', r, r' (r: modal coordinate), then a_s, q'', link's r'', T_S, tau, net torques, levels.
 
-    ``relaxing``: torque of relaxation branches [N m].
+    ``relaxing``: torque of relaxation branches [N m]. ``seat``: flank of a play whose law is taken through the step, +1 or
+    -1, 0 between them; 2 where the wind-up says it.
     """
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
     g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
@@ -60,9 +61,9 @@ def _scalar_rates_source(
         if rich and corner:
             el, slope = bent(el, gap, P[GAP_CORNER])
             contact = faded(slope, P[GAP_FADE])
-        elif el > gap:
+        elif seat == 1 or (seat == 2 and el > gap):
             el -= gap
-        elif el < -gap:
+        elif seat == -1 or (seat == 2 and el < -gap):
             el += gap
         else:
             el, contact = 0.0, inside
@@ -83,7 +84,7 @@ def _scalar_rates_source(
         if impact:
             damping += P[GAP_IMPACT] * abs(secant * el + beside)
         T = secant * el + (damping * rate + beside)
-        if sheds and T * el <= 0.0:
+        if sheds and T * (el if seat == 2 else seat) <= 0.0:
             T = 0.0
     else:
         T = secant * el + damping * rate

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
-from jointscope.diagnosis.kernel.events import direction, input_at, release, remember, slide, windup_of_scalars
+from jointscope.diagnosis.kernel.events import (
+    crossing,
+    direction,
+    flank_of,
+    input_at,
+    release,
+    remember,
+    sets_in_at_once,
+    slide,
+    windup_of_scalars,
+)
 from jointscope.diagnosis.kernel.laws import TURN
 from jointscope.diagnosis.kernel.layout import *
 from jointscope.diagnosis.kernel.scalar_rates import scalar_rates, scalar_rates_inlined
@@ -74,6 +84,8 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
             reid, kind, table = int(P[REID] != 0.0), S[HYST_KIND], S[TABLE_SITE]
         if RUBS:
             round_m, round_l, pre = int(P[ROUND_M_SPEED] != 0.0), int(P[ROUND_L_SPEED] != 0.0), S[PRE_SITE]
+        half, centre = P[GAP_HALF], P[GAP_CENTRE]
+        play = sets_in_at_once(P)
         springs, loops = rub | par | impact | sheds | power, reid | kind | int(table == AT_TRANSMISSION)
         rubs = table | round_m | round_l | pre
         on = (
@@ -104,7 +116,9 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
         for k in range(n):
             if abs(q - turn[0]) > TURN:
                 turn = (q, math.cos(q), math.sin(q))
-            s, target, pending = 0.0, 1.0, 0
+            s, target, pending, seat, part = 0.0, 1.0, 0, 2, 1.0
+            if play:
+                seat = flank_of(windup_of_scalars(q_s, q, P, S) - centre, half)
             e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
             for event in range(MAX_EVENTS):
                 whole = s == 0.0 and target == 1.0
@@ -149,6 +163,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                         at,
                         on,
                         z1,
+                        seat,
                     )
                 )
                 g = 0.5 * d
@@ -156,19 +171,19 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                     z2 = relaxed(zs, 1, 0, v_s - v, 1.0, g, spring, slow)
                 a2, b2, c2, d2, f2, g2, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a1, v_s + g * b1, q + g * c1, v + g * d1, r + g * f1, u + g * g1, t + g, m2, l2, y2,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z2,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z2, seat,
                 )  # fmt: skip
                 if relaxing:
                     z3 = relaxed(zs, 2, 1, v_s + g * b1 - v - g * d1, 2.0, g, spring, slow)
                 a3, b3, c3, d3, f3, g3, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + g * a2, v_s + g * b2, q + g * c2, v + g * d2, r + g * f2, u + g * g2, t + g, m2, l2, y2,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z3,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z3, seat,
                 )  # fmt: skip
                 if relaxing:
                     z4 = relaxed(zs, 3, 2, v_s + g * b2 - v - g * d2, 2.0, d, spring, slow)
                 a4, b4, c4, d4, f4, g4, _1, _2, _3, _4, _5, _6, _7, _8, _9 = scalar_rates_inlined(
                     q_s + d * a3, v_s + d * b3, q + d * c3, v + d * d3, r + d * f3, u + d * g3, t + d, m3, l3, y3,
-                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z4,
+                    HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem, at, on, z4, seat,
                 )  # fmt: skip
                 if relaxing:
                     relaxed(zs, 4, 3, v_s + d * b3 - v - d * d3, 1.0, 0.0, spring, slow)
@@ -189,7 +204,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                     row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
                     row[X_LINK], row[X_MOUNT] = (0.0, link) if mode == 3 else (link, 0.0)
                     row[X_TS], row[X_TAU], row[X_TEXT] = T, tau, 0.0
-                if not (dry_m or dry_l):
+                if not (dry_m or dry_l or play):
                     break
                 if pending == 0:
                     if event >= MAX_EVENTS - 2:
@@ -204,7 +219,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                     if (dry_m and sm == 0) or (dry_l and sl == 0):
                         _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                             e_qs, e_vs, e_q, e_v, e_r, e_u, t0 + (k + 1.0) * h, m3, l3, y3, HELD, p, turn, f, dry_m,
-                            dry_l, sm, sl, RICH, P, S, mem, at, on, z4,
+                            dry_l, sm, sl, RICH, P, S, mem, at, on, z4, seat,
                         )  # fmt: skip
                         if dry_m and sm == 0:
                             go = direction(far_m, far_gm, P, FM_PLUS)
@@ -218,6 +233,14 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                                 part = release(net_l, far_l, level_l, far_gl, P, FL_PLUS, go)
                                 if pending == 0 or part < share:
                                     pending, share = 4 if go > 0 else 6, part
+                    if play:
+                        before = windup_of_scalars(q_s, q, P, S) - centre
+                        after = windup_of_scalars(e_qs, e_q, P, S) - centre
+                        if flank_of(after, half) != seat:
+                            edge = half if seat > 0 or (seat == 0 and after > 0.0) else -half
+                            part = crossing(before - edge, (v_s - v) * d, after - edge, (e_vs - e_v) * d)
+                            if pending == 0 or part < share:
+                                pending, share = 7, part
                     if pending == 0:
                         break
                     target = s + share * (1.0 - s)
@@ -243,7 +266,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                     stuck_m, stuck_l = (0, sl) if pending == 1 else (sm, 0)
                     _1, _2, _3, _4, _5, _6, _7, _8, _9, _a, _b, far_m, far_l, far_gm, far_gl = scalar_rates(
                         q_s, v_s, q, v, r, u, t0 + (k + s) * h, input_at(um, k, s), input_at(ul, k, s), input_at(y, k, s),
-                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, at, on, z4,
+                        HELD, p, turn, f, dry_m, dry_l, stuck_m, stuck_l, RICH, P, S, mem, at, on, z4, seat,
                     )  # fmt: skip
                     if pending == 1:
                         sm = direction(far_m, far_gm, P, FM_PLUS)
@@ -251,8 +274,12 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                         sl = direction(far_l, far_gl, P, FL_PLUS)
                 elif pending == 3 or pending == 5:
                     sm = 1 if pending == 3 else -1
-                else:
+                elif pending != 7:
                     sl = 1 if pending == 4 else -1
+                elif seat != 0:
+                    seat = 0
+                else:
+                    seat = 1 if windup_of_scalars(q_s, q, P, S) > centre else -1
                 pending = 0
                 e_qs, e_vs, e_q, e_v, e_r, e_u = q_s, v_s, q, v, r, u
                 if s > 1.0 - 1e-9:
@@ -267,7 +294,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
         j = 2 * n
         _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
             q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
-            at, on, z4,
+            at, on, z4, 2,
         )  # fmt: skip
         row = out[n]
         row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
