@@ -57,13 +57,8 @@ def _accelerated(motor: Observed, output: Output) -> float | None:
     f = np.fft.rfftfreq(output.times.size, 1.0 / output.rate)
     slow = (f > SLOW[0]) & (f < SLOW[1])
     data = np.fft.rfft(window * np.where(output.mask, output.data, 0.0))[slow]
-    turned = np.fft.rfft(window * _rest_free(motor.signal(output.times)))[slow] * -((2.0 * np.pi * f[slow]) ** 2)
+    turned = np.fft.rfft(window * motor.signal(output.times, 2))[slow]
     if output.low_cutoff:
         turned = turned * (1j * f[slow] / (1j * f[slow] + output.low_cutoff))
     size = float(np.linalg.norm(data) * np.linalg.norm(turned))
     return float(np.real(np.vdot(turned, data))) / size if size > 0.0 else None
-
-
-def _rest_free(x: Vector) -> Vector:
-    """``x`` without the line between its ends, which a window would spread over all that is slow."""
-    return np.asarray(x - np.linspace(x[0], x[-1], x.size))
