@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.adjudicate import compare, score
+from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, turn_of
 from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, mean_floor, without_drift
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.outside import resembled
@@ -17,7 +18,9 @@ from jointscope.diagnosis.verdict import TOO_MANY, adequacy_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
+    from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.pipeline import Diagnosis
+    from jointscope.diagnosis.problem import Problem
     from jointscope.diagnosis.verdict import Decision
 
 WORSE = 0.01  # of the base's held-out error
@@ -32,6 +35,7 @@ NEARLY_AS_MUCH = (
     0.95  # of the chosen set's score, with which another fit of the same effects may be handed on instead ...
 )
 TRIED = 4  # ... and how many such are
+LOST_PHASE = 1.0  # rad of a line's own, by which the motor may be elsewhere than foretold
 NEARLY_WHOLE, HARDLY_NEARER, FAR_OFF = (
     0.9,  # of a mismatch that named effects explain, below which they are asked what they do for held-out runs ...
     0.7,  # ... of what the base leaves there beyond the noise, above which that is little ...
@@ -96,6 +100,33 @@ def _beyond_noise(errors: Sequence[ChannelError]) -> float:
     )
 
 
+def out_of_phase(problem: Problem, free: Free, held: Sequence[int], judged: Judged) -> bool:
+    """Whether a line of this model is foretold at another phase than it has: from inputs alone the motor is elsewhere.
+
+    Told by its recorded angle, in a held-out run in which it turns: what is off by so much of the line's period refutes nothing.
+    """
+    theta, effects = judged.fit.coordinates.unpack(judged.fit.x)
+    for i in held:
+        run = problem.runs[i]
+        orders = [_per_motor_turn(effect, run.ratio) for effect in effects if turn_of(effect)]
+        angle = next(
+            (k for k, o in enumerate(run.outputs) if (o.quantity, o.location) == ("angle", "motor")), None
+        )
+        if not orders or angle is None:
+            continue
+        output = run.outputs[angle]
+        off = (output.data - free(run, theta, effects, problem)[angle])[output.mask]
+        turns = float(np.ptp(output.data[output.mask])) > math.tau / max(orders)
+        if turns and max(orders) * float(np.sqrt(np.mean(off**2))) > LOST_PHASE:
+            return True
+    return False
+
+
+def _per_motor_turn(line: ActiveEffect, ratio: float) -> float:
+    order = line.values[[p.name for p in line.spec.parameters].index("order")]
+    return order if turn_of(line) == MOTOR_ORDER.unit else order / ratio
+
+
 def _same_names(diagnosis: Diagnosis) -> list[Judged]:
     """Other fits of the same effects that explain nearly as much, best first: open loop each drifts off by itself."""
     judgement, chosen = diagnosis.judgement, diagnosis.decision.chosen
@@ -147,7 +178,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         if decision.verdict == "effects" and not enough:
             against = compare(diagnosis.judgement, base, judged)
             unreached = against.unreached and whole < of_base[0] + UNREACHED
-            if unreached or borne(whole / max(of_base[0], 1e-300), told, of_base[1], confirmed(against)):
+            lost = confirmed(against) and out_of_phase(problem, free, held, judged)
+            if unreached or lost or borne(whole / max(of_base[0], 1e-300), told, of_base[1], confirmed(against)):
                 return False
         return whole > (1.0 + WORSE) * of_base[0]
 

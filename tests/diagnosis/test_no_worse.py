@@ -11,6 +11,7 @@ import pytest
 from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import (
@@ -20,6 +21,7 @@ from jointscope.diagnosis.no_worse import (
     explains_little,
     may_follow,
     noise_alone,
+    out_of_phase,
 )
 from jointscope.diagnosis.predict import predict_outputs
 
@@ -227,3 +229,38 @@ def test_what_is_foretold_to_within_its_noise_leaves_nothing_to_explain(errors, 
     assert noise_alone(told) is alone
     assert noise_alone([*told, ChannelError("a", "speed-motion", "angle@motor", 0.5, math.nan)]) is alone
     assert not noise_alone([ChannelError("a", "speed-motion", "angle@motor", 0.001, math.nan)])
+
+
+@pytest.mark.parametrize(
+    ("order", "unit", "off", "lost"),
+    [
+        (6.0, "per motor turn", 0.3, True),  # 1.8 rad of the line's own
+        (6.0, "per motor turn", 0.05, False),
+        (1.0, "per motor turn", 0.3, False),
+        (120.0, "per output turn", 0.3, False),  # of a reducer of 60 that is twice a motor turn
+        (600.0, "per output turn", 0.3, True),
+    ],
+)
+def test_a_line_is_out_of_phase_where_the_motor_is_elsewhere_by_much_of_its_period(order, unit, off, lost):
+    spec = next(s for s in PERIODIC if s.parameters[1].unit == unit)
+    effect = ActiveEffect(spec, (1e-4, order, 0.3))
+    angle = np.linspace(0.0, 40.0, 200)
+    output = SimpleNamespace(quantity="angle", location="motor", data=angle, mask=np.ones(200, dtype=bool))
+    problem = SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), ratio=60.0),))
+
+    def judged(*effects):
+        where = SimpleNamespace(unpack=lambda x: (None, effects))
+        return SimpleNamespace(fit=SimpleNamespace(coordinates=where, x=None))
+
+    def free(run, theta, effects, problem):
+        return (angle + off,)
+
+    assert out_of_phase(problem, free, (0,), judged(effect)) is lost
+    assert not out_of_phase(problem, free, (0,), judged())
+    resting = replace_angle(problem, np.zeros(200))
+    assert not out_of_phase(resting, free, (0,), judged(effect))
+
+
+def replace_angle(problem, angle):
+    output = SimpleNamespace(**{**vars(problem.runs[0].outputs[0]), "data": angle})
+    return SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), ratio=60.0),))
