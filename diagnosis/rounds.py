@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.adjudicate import PROFILED, profiled
 from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
-from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten, worst_misfit
+from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.bent_loop import bent_loop
-from jointscope.diagnosis.bent_play import bent_play
 from jointscope.diagnosis.briefly import briefly
 from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
@@ -29,16 +28,17 @@ from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.heavy_modes import heavy_modes
 from jointscope.diagnosis.modal import several_bends
-from jointscope.diagnosis.modes_apart import MUCH, modes_apart
+from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.polish import worth_judging
+from jointscope.diagnosis.rattling import beside_bent_spring, may_rattle
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.rescaled import rescaled
 from jointscope.diagnosis.resonances import resonances, resonances_beside
-from jointscope.diagnosis.ring_downs import PLAY, ring_downs
+from jointscope.diagnosis.ring_downs import ring_downs
 from jointscope.diagnosis.rivals import BEHIND, Laws, contained, grown, laws_of, reshaped, rivals, strangers
 from jointscope.diagnosis.search import (
     Effort,
@@ -61,11 +61,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Report = Callable[[str], None]
 
-IN_PLAY = (
-    0.2  # of what the leading effect gains, that play must, to be fitted by the first periods after each hit ...
-)
-RATTLES = 50.0  # ... and nats that it must in any case: a play that gains less has not been lost among the periods
-BENT, BENDS = "stiffness-nonlinearity@transmission", ("cubic", "piecewise", "smooth")
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 HOPES = 6  # effects, the first law of each, of which one must be worth building upon
@@ -221,29 +216,6 @@ def _worth_more(arena: Arena, size: int) -> bool:
     return len(best.names) >= size and (not parts or promising(arena, best, *parts))
 
 
-def _has_some(arena: Arena, name: str) -> bool:
-    """Whether an effect alone, as the search found it, has some of what the leading effect has."""
-    most = arena.base.loss - arena.hypotheses[0].loss
-    needed = max(IN_PLAY * most, RATTLES)
-    return any(h.names == (name,) and arena.base.loss - h.loss > needed for h in arena.hypotheses)
-
-
-def _bent_play(
-    arena: Arena, stage: Stage, pairs: Sequence[Hypothesis], specs: Sequence[EffectSpec]
-) -> list[Hypothesis]:
-    """Play and a bent spring together, where each alone has some of what the leading effect has, and all sets leave much."""
-    alone = {h.names: h for h in reversed(arena.hypotheses) if len(h.specs) == 1}
-    if not (_has_some(arena, PLAY) and _has_some(arena, BENT)):
-        return []
-    best = min([*arena.hypotheses, *pairs], key=lambda h: h.loss)
-    predictions = arena.objective.predictions(*best.fit.coordinates.unpack(best.fit.x))
-    hits = [pair for pair in zip(arena.objective.prepared, predictions, strict=True) if pair[0].mode == "braked"]
-    if worst_misfit(tuple(run for run, _ in hits), tuple(y for _, y in hits)) < MUCH:
-        return []
-    springs = [spec for spec in specs if name_of(spec) == BENT and spec.variant in BENDS]
-    return bent_play(stage, arena.objective, arena.base.fit, alone[PLAY,], springs)
-
-
 def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
     """Each member of the leading pair may have stood in for its look-alike, and that may let the other one be told."""
     tried: frozenset[Laws] = frozenset()
@@ -339,7 +311,7 @@ def explore(
         return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more).hypotheses
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
     further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
-    if _has_some(arena, PLAY):
+    if may_rattle(arena):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:
         arena = settled(arena, further, effort)
@@ -373,7 +345,7 @@ def explore(
         best = min((h.loss for h in beside), default=parent.loss)
         pairs.extend(heavy_modes(arena.objective, parent.fit, candidates, best))
     pairs.extend(fit_pairs(arena.objective, arena.base.fit, screening, [p.names for p in pairs], effort))
-    pairs.extend(_bent_play(arena, stage, pairs, specs))
+    pairs.extend(beside_bent_spring(arena, stage, pairs, specs))
     pairs.extend(bent_loop(arena.objective, arena.base, arena.hypotheses, pairs, specs))
     for size in range(3, effort.size + 2):
         arena = settled(arena, pairs, effort)
