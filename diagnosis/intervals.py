@@ -27,6 +27,10 @@ STRETCH = (
 )
 FORM = 0.02  # of the size of a law that nature knows in several forms
 FORM_OF_EXACT = 0.005  # and of a delay, a weight, a gain
+RATTLED = (
+    0.01  # of the base's parameters beside play or a stop: valleys lie so near one another, each far too narrow
+)
+RATTLING = ("backlash", "end-stop")
 _PLACES = ("Hz", "rad/s")  # of a mode or a line: where it is does not depend on the form
 
 
@@ -69,8 +73,15 @@ def form_of(spec: EffectSpec, parameter: ParameterSpec) -> float:
 
 
 def with_form(where: Coordinates, x: Vector, errors: Vector) -> Vector:
-    """Standard errors of the coordinates ``x``, shape (n,), with what the effects' forms leave open."""
+    """Standard errors of the coordinates ``x``, shape (n,), with what the effects' forms leave open.
+
+    A joint that rattles never repeats: what it does after many contacts depends on its numbers so sharply that a
+    curvature says how narrow a valley is and not which of many is the right one.
+    """
     found = errors.copy()
+    if any(spec.name in RATTLING for spec in where.effects):
+        base = range(where.n_base)
+        found[base] = np.hypot(errors[base], RATTLED * np.abs(x[base]))
     for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
         for i, parameter in zip(range(rows.start, rows.stop), spec.parameters, strict=True):
             null = 0.0 if parameter.null is None else parameter.null / where.scale[i]

@@ -9,7 +9,15 @@ import pytest
 
 from jointscope.diagnosis import intervals
 from jointscope.diagnosis.effects import REGISTRY
-from jointscope.diagnosis.intervals import FORM, FORM_OF_EXACT, STRETCH, Estimate, _at_its_shape, with_form
+from jointscope.diagnosis.intervals import (
+    FORM,
+    FORM_OF_EXACT,
+    RATTLED,
+    STRETCH,
+    Estimate,
+    _at_its_shape,
+    with_form,
+)
 from jointscope.diagnosis.refit import Fit, covariance
 
 
@@ -43,6 +51,17 @@ def test_a_laws_form_moves_sizes_and_neither_frequencies_nor_orders_nor_phases(n
     where = coordinates_of(spec_of(name, variant))
     x = np.array(x)
     assert with_form(where, x, np.zeros(len(x))) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "variant", "share"), [("backlash", "sheds", RATTLED), ("stiffness-nonlinearity", "cubic", 0.0)]
+)
+def test_beside_what_rattles_the_base_is_known_to_a_hundredth_at_best(name, variant, share):
+    where = coordinates_of(spec_of(name, variant))
+    where.n_base, where.effect_slices = 2, lambda: (slice(2, 3),)
+    where.logarithm, where.scale = np.zeros(3, dtype=bool), np.ones(3)
+    found = with_form(where, np.array([1.9e5, -3.0, 4e-4]), np.array([1e-3, 0.0, 0.0]))
+    assert found[:2] == pytest.approx(np.hypot([1e-3, 0.0], [share * 1.9e5, share * 3.0]))
 
 
 def test_chance_and_form_add_in_squares():
