@@ -44,6 +44,7 @@ SURE_OF_SETS = 0.85  # the same of a set of several: one of them may stand in fo
 FORESEEN = 4.0  # times an error's innovation, above which it is no noise
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
 BY_FORM = 0.001  # of a score: what a third effect adds, or still follows the input, is less than laws are off by
+AS_GOOD = 1e-5  # of a score, by which laws differ for how they are stepped
 BY_FIRST = 1e-4  # the same of a second effect: the first one's law is right to a hundredth of its size at best
 LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
@@ -145,13 +146,13 @@ def _beats(judgement: Judgement, judged: Judged) -> bool:
 def rank(judgement: Judgement) -> list[Ranked]:
     """Sets by tempered score, the base among them with score 0."""
     stands = {id(j) for j in standing(judgement)}
-    best: dict[tuple[str, ...], tuple[float, Judged]] = {}
+    fits: dict[tuple[str, ...], list[tuple[float, Judged]]] = {}
     for judged in judgement.judged:
         value = score(judgement, judged) if judged.names else math.log(0.5)
         if judged.names and id(judged) not in stands and not _beats(judgement, judged):
             value = min(value, 0.0) - NOT_STANDING
-        if judged.names not in best or value > best[judged.names][0]:
-            best[judged.names] = (value, judged)
+        fits.setdefault(judged.names, []).append((value, judged))
+    best = {names: _of_fewest_numbers(scored) for names, scored in fits.items()}
     for names, (value, judged) in list(best.items()):
         inner = [v for v, other in list(best.values()) if other.names and contains(judged, other)]
         if inner:
@@ -181,6 +182,13 @@ def rank(judgement: Judgement) -> list[Ranked]:
         for (names, (v, judged)), p in zip(best.items(), weights, strict=True)
     ]
     return sorted(ranked, key=lambda r: (-r.probability, -r.score))
+
+
+def _of_fewest_numbers(scored: Sequence[tuple[float, Judged]]) -> tuple[float, Judged]:
+    """The best of the laws of one set of names; of those that are as good as it the one with the fewest numbers."""
+    top = max(value for value, _ in scored)
+    near = [pair for pair in scored if pair[0] >= top - AS_GOOD * abs(top)]
+    return near[0] if len(near) == 1 else min(near, key=lambda pair: (pair[1].fit.coordinates.n, -pair[0]))
 
 
 def _beside_a_form(
