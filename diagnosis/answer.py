@@ -24,6 +24,7 @@ from jointscope.diagnosis.errors import (
 )
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.held_out_detail import held_out_detail
+from jointscope.diagnosis.in_contract import as_cubic
 from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.outside import resembled
 from jointscope.diagnosis.power import unseen_json
@@ -116,13 +117,17 @@ def effects_json(
 ) -> list[dict[str, Any]]:
     """``effects``: name, location, probability, parameters and a sentence, most certain first."""
     where = judged.fit.coordinates
+    theta, effects = where.unpack(judged.fit.x)
     found: dict[tuple[str, str], dict[str, Any]] = {}
-    for spec, piece in zip(where.effects, where.effect_slices(), strict=True):
+    for spec, effect, piece in zip(where.effects, effects, where.effect_slices(), strict=True):
         name = f"{spec.name}@{spec.location}"
         parameters = {
             p.name: as_parameter(all_estimates[i], p.unit)
             for p, i in zip(spec.parameters, range(piece.start, piece.stop), strict=True)
         }
+        cubic = as_cubic(effect, all_estimates[piece], float(theta[0]))
+        if cubic is not None:
+            parameters["cubic"] = as_parameter(*cubic)
         entry = found.setdefault(
             (spec.name, spec.location),
             {
