@@ -178,8 +178,10 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         if decision.verdict == "effects" and not enough:
             against = compare(diagnosis.judgement, base, judged)
             unreached = against.unreached and whole < of_base[0] + UNREACHED
-            lost = confirmed(against) and out_of_phase(problem, free, held, judged)
-            if unreached or lost or borne(whole / max(of_base[0], 1e-300), told, of_base[1], confirmed(against)):
+            sure = confirmed(against)
+            if unreached or borne(whole / max(of_base[0], 1e-300), told, of_base[1], sure):
+                return False
+            if sure and out_of_phase(problem, free, held, judged):
                 return False
         return whole > (1.0 + WORSE) * of_base[0]
 

@@ -178,13 +178,27 @@ def test_an_angle_that_is_lost_with_and_without_is_no_reason(monkeypatch, with_e
 
 
 @pytest.mark.parametrize(
+    ("held_gain", "lost", "kept"),
+    [
+        (500.0, True, True),
+        (500.0, False, False),
+        (0.0, True, False),
+    ],  # seen step by step, and at a phase of its own
+)
+def test_a_line_at_another_phase_than_foretold_is_refuted_by_runs_that_do_not_show_it_alone(
+    monkeypatch, held_gain, lost, kept
+):
+    assert handed_on(monkeypatch, (0.17, 0.17), (0.25, 0.25), held_gain, lost=lost) is kept
+
+
+@pytest.mark.parametrize(
     ("unreached", "error", "kept"), [(False, 0.014, False), (True, 0.014, True), (True, 0.03, False)]
 )
 def test_runs_that_never_reach_an_effect_refute_nothing(monkeypatch, unreached, error, kept):
     assert handed_on(monkeypatch, (0.012, 0.012), (error, error), 0.0, unreached=unreached) is kept
 
 
-def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False):
+def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False, lost=False):
     """Whether an effect stays: errors of an acceleration and of an angle that drifts off, without and with it."""
     from jointscope.diagnosis import no_worse
     from jointscope.diagnosis.errors import ChannelError
@@ -205,6 +219,7 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False):
     monkeypatch.setattr(no_worse, "compare", lambda *_: against)
     monkeypatch.setattr(no_worse, "channel_errors", errors)
     monkeypatch.setattr(no_worse, "adequacy_of", lambda *_: None)
+    monkeypatch.setattr(no_worse, "out_of_phase", lambda *_: lost)
     monkeypatch.setattr(no_worse, "replace", lambda thing, **new: SimpleNamespace(**{**vars(thing), **new}))
     base, chosen = judged((), ()), judged(("backlash@transmission",), ("gap",))
     decision = SimpleNamespace(
