@@ -32,6 +32,7 @@ Vector = NDArray[np.float64]
 REACH = 20  # half width of the recorder's anti-aliasing kernel [samples of the slower rate]
 _BLOCK = 1024  # outputs side by side, which stay in the nearest cache
 _TABLE = 512  # entries per sample of its table
+_ON_NODE = 1e-6  # of a node's distance from the next, within which a time is at the node
 _MOST_ALIKE = 8  # samples that may lie differently to the nodes, each with taps of its own
 _KAISER = 10.0
 SMOOTH = (*FOLLOWING, WIND_UP)  # nothing in them reaches half the rate
@@ -162,8 +163,8 @@ def recorded(x: Vector, grid_rate: float, t0: float, times: Vector, rate: float)
         return out
     for k in range(min(every, times.size)):
         at = (times[0] - t0) * grid_rate + k * ratio
-        node = round(at) if abs(at - round(at)) < 1e-6 else math.floor(at)
-        part = at - node if abs(at - node) > 1e-6 else 0.0
+        node = math.floor(at + _ON_NODE)
+        part = at - node if at - node > _ON_NODE else 0.0
         if ratio == 1.0 and part == 0.0:
             return np.asarray(x[node : node + times.size], dtype=np.float64).copy()
         first, taps = _taps(part, max(ratio, 1.0))

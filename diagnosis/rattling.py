@@ -23,10 +23,10 @@ LOST = 0.5  # of some channel of the hits, left by the leader, beyond which play
 BENT, BENDS = "stiffness-nonlinearity@transmission", ("cubic", "piecewise", "smooth")
 
 
-def has_some(arena: Arena, name: str) -> bool:
-    """Whether an effect alone, as the search found it, has some of what the leading effect has."""
+def has_some(arena: Arena, name: str, share: float = IN_PLAY) -> bool:
+    """Whether an effect alone, as the search found it, has this share of what the leading effect has."""
     most = arena.base.loss - arena.hypotheses[0].loss
-    needed = max(IN_PLAY * most, RATTLES)
+    needed = max(share * most, RATTLES)
     return any(h.names == (name,) and arena.base.loss - h.loss > needed for h in arena.hypotheses)
 
 
@@ -44,8 +44,7 @@ def may_rattle(arena: Arena) -> bool:
     """
     if has_some(arena, PLAY):
         return True
-    some = any(h.names == (PLAY,) and arena.base.loss - h.loss > RATTLES for h in arena.hypotheses)
-    return some and left_of_hits(arena, arena.hypotheses[0]) > LOST
+    return has_some(arena, PLAY, 0.0) and left_of_hits(arena, arena.hypotheses[0]) > LOST
 
 
 def beside_bent_spring(

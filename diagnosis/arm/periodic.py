@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.arm import kernel
-from jointscope.diagnosis.arm.law import arm_law
-from jointscope.diagnosis.effects.periodic import KINEMATIC, MOTOR_ORDER, PHASE, TURNED, WHOLE
+from jointscope.diagnosis.arm.law import Put, arm_law
+from jointscope.diagnosis.effects.periodic import KINEMATIC, MOTOR_ORDER, PHASE, TURNED, of_the_motor
 from jointscope.diagnosis.effects.spec import EffectSpec, ParameterSpec, Values
 
 if TYPE_CHECKING:
@@ -43,19 +43,19 @@ def lines(problem: ArmProblem, joint: int, reach: float) -> list[EffectSpec]:
     name, wind_up = problem.facts.joints[joint], max(float(problem.wind_up[joint]), 1e-9)
     starts = tuple((order, phase) for order in ORDERS for phase in TURNED)
 
-    def put_ripple(assembly: ArmAssembly, values: Values) -> None:
-        amplitude, order, phase = values
-        if assembly.run.driven == joint:
-            row = assembly.P[joint]
-            row[kernel.RIPPLE], row[kernel.RIPPLE_ORDER] = amplitude, order * assembly.run.ratio
-            row[kernel.RIPPLE_PHASE] = phase + order * _begins(assembly.run)
+    def at(amplitude_at: int, order_at: int, phase_at: int) -> Put:
+        """What puts a line into these columns of the joint's row, in the runs that drive it."""
 
-    def put_error(assembly: ArmAssembly, values: Values) -> None:
-        amplitude, order, phase = values
-        if assembly.run.driven == joint:
-            row = assembly.P[joint]
-            row[kernel.ERROR], row[kernel.ERROR_ORDER] = amplitude, order * assembly.run.ratio
-            row[kernel.ERROR_PHASE] = phase + order * _begins(assembly.run)
+        def put(assembly: ArmAssembly, values: Values) -> None:
+            run, (amplitude, order, phase) = assembly.run, values
+            if run.driven == joint:
+                row = assembly.P[joint]
+                row[amplitude_at], row[order_at] = amplitude, order * run.ratio
+                row[phase_at] = phase + order * _begins(run)
+
+        return put
+
+    put_error = at(kernel.ERROR, kernel.ERROR_ORDER, kernel.ERROR_PHASE)
 
     def put_reacting(assembly: ArmAssembly, values: Values) -> None:
         put_error(assembly, values)
@@ -63,8 +63,9 @@ def lines(problem: ArmProblem, joint: int, reach: float) -> list[EffectSpec]:
 
     ripple = arm_law(
         "torque-ripple", "motor", name, "cogging", "periodic",
-        (ParameterSpec("amplitude", "N m", 0.0, 2.0 * reach, null=0.0), MOTOR_ORDER, PHASE), put_ripple,
-        "tau + a sin(order angle + phase)", (0.003 * reach, 0.015 * reach, 0.06 * reach), starts, ("speed-motion",),
+        (ParameterSpec("amplitude", "N m", 0.0, 2.0 * reach, null=0.0), MOTOR_ORDER, PHASE),
+        at(kernel.RIPPLE, kernel.RIPPLE_ORDER, kernel.RIPPLE_PHASE), "tau + a sin(order angle + phase)",
+        (0.003 * reach, 0.015 * reach, 0.06 * reach), starts, ("speed-motion",),
         ("transmission-error",),
     )  # fmt: skip
     error = [
@@ -78,11 +79,7 @@ def lines(problem: ArmProblem, joint: int, reach: float) -> list[EffectSpec]:
             ("motor-order-reacting", put_reacting, "s + a sin(order angle + phase), with T_S (1 + de/ds) at the motor"),
         )
     ]  # fmt: skip
-    return [replace(ripple, sensible=_whole), *error]
-
-
-def _whole(values: Values) -> bool:
-    return round(values[1]) >= 1 and abs(values[1] - round(values[1])) < WHOLE
+    return [replace(ripple, sensible=of_the_motor), *error]
 
 
 def _begins(run: ArmRun) -> float:

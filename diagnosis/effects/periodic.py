@@ -109,7 +109,8 @@ def _found(per_output: bool, source: Literal["ripple", "error"]) -> ResidualStar
     return starts
 
 
-def _of_the_motor(values: Values) -> bool:
+def of_the_motor(values: Values) -> bool:
+    """Whether a line's order is whole: the motor's own field returns with every turn."""
     return round(values[1]) >= 1 and abs(values[1] - round(values[1])) < WHOLE
 
 
@@ -207,7 +208,7 @@ _PLAIN: tuple[EffectSpec, ...] = (
         possible=possible_line(spring=False, per_output=False),
         limits=_ripple_limits,
         residual_starts=_found(False, "ripple"),
-        sensible=_of_the_motor,
+        sensible=of_the_motor,
         sensible_at=_seen_whole,
     ),
     EffectSpec(
@@ -224,7 +225,7 @@ _PLAIN: tuple[EffectSpec, ...] = (
         starts=_starts(_MOTOR_ORDERS),
         possible=possible_line(spring=False, per_output=False),
         residual_starts=_found(False, "ripple"),
-        sensible=_of_the_motor,
+        sensible=of_the_motor,
         sensible_at=_seen_whole,
     ),
 )
