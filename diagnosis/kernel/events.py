@@ -122,3 +122,15 @@ def crossing(d0: float, r0: float, d1: float, r1: float) -> float:
             break
         u = u + step if low < u + step < high else 0.5 * (low + high)
     return float(u)
+
+
+@compiled
+def met(before: float, r0: float, after: float, r1: float, half: float, seat: int) -> float:
+    """Fraction of an interval at which a play leaves the flank, or the room between, that it is ``seat``ed at; 2 if it does not.
+
+    ``before`` and ``after`` are wind-ups from its centre, of which ``r0`` and ``r1`` are the rates times the interval.
+    """
+    if flank_of(after, half) == seat:
+        return 2.0
+    edge = half if seat > 0 or (seat == 0 and after > 0.0) else -half
+    return crossing(before - edge, r0, after - edge, r1)

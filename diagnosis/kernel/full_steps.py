@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
 from jointscope.diagnosis.kernel.events import (
-    crossing,
     direction,
     flank_of,
     input_at,
+    met,
     release,
     remember,
     sets_in_at_once,
@@ -133,13 +133,10 @@ def simulate_full(
                 if play:
                     before = windup_of(x, P, S, input_at(y, k, s)) - centre
                     after = windup_of(xn, P, S, y[2 * k + 2]) - centre
-                    seat = int(mem[MEM_SEAT])
-                    if flank_of(after, half) != seat:
-                        edge = half if seat > 0 or (seat == 0 and after > 0.0) else -half
-                        r0, r1 = winding_of(x, S, input_at(w, k, s)) * d, winding_of(xn, S, w[2 * k + 2]) * d
-                        part = crossing(before - edge, r0, after - edge, r1)
-                        if pending == 0 or part < share:
-                            pending, share = 7, part
+                    r0, r1 = winding_of(x, S, input_at(w, k, s)) * d, winding_of(xn, S, w[2 * k + 2]) * d
+                    part = met(before, r0, after, r1, half, int(mem[MEM_SEAT]))
+                    if part < 2.0 and (pending == 0 or part < share):
+                        pending, share = 7, part
                 if pending == 0:
                     break
                 target = s + share * (1.0 - s)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.kernel.compiled import Real, compiled
 from jointscope.diagnosis.kernel.events import (
-    crossing,
     direction,
     flank_of,
     input_at,
+    met,
     release,
     remember,
     sets_in_at_once,
@@ -236,11 +236,9 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
                     if play:
                         before = windup_of_scalars(q_s, q, P, S) - centre
                         after = windup_of_scalars(e_qs, e_q, P, S) - centre
-                        if flank_of(after, half) != seat:
-                            edge = half if seat > 0 or (seat == 0 and after > 0.0) else -half
-                            part = crossing(before - edge, (v_s - v) * d, after - edge, (e_vs - e_v) * d)
-                            if pending == 0 or part < share:
-                                pending, share = 7, part
+                        part = met(before, (v_s - v) * d, after, (e_vs - e_v) * d, half, seat)
+                        if part < 2.0 and (pending == 0 or part < share):
+                            pending, share = 7, part
                     if pending == 0:
                         break
                     target = s + share * (1.0 - s)
