@@ -5,6 +5,7 @@ Effects write into an :class:`Assembly`; nothing else knows both an effect's par
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -207,26 +208,34 @@ class Assembly:
         self.S[count] = used + 1
 
 
-def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = False) -> Assembly:
-    """The base model of ``run`` at ``theta``; with ``free`` the model runs on inputs alone, without an observer."""
+_OF_BASE = np.array([kernel.J_M, kernel.J_L, kernel.K, kernel.C, kernel.B_M, kernel.B_L])
+_IN_BASE = np.array([BASE_INDEX[name] for name in (
+    "motor_inertia", "load_inertia", "stiffness", "damping", "motor_damping", "load_damping",
+)])  # fmt: skip
+
+
+@functools.cache
+def _plain() -> tuple[Vector, NDArray[np.int64]]:
+    """Numbers and switches of a joint without any effect; to be copied."""
     P, S = np.zeros(kernel.N_P), np.zeros(kernel.N_S, dtype=np.int64)
-    b = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
-    P[kernel.J_M], P[kernel.J_L], P[kernel.K], P[kernel.C] = (
-        b["motor_inertia"], b["load_inertia"], b["stiffness"], b["damping"],
-    )  # fmt: skip
-    P[kernel.B_M], P[kernel.B_L] = b["motor_damping"], b["load_damping"]
-    if problem.rig.motion == "rotational":
-        P[kernel.G_COS] = b["gravity_moment"]
-    else:
-        P[kernel.G_CONST] = b["gravity_moment"]
     P[kernel.HYST_ANGLE] = 1.0
     P[kernel.FM_SPEED] = P[kernel.FL_SPEED] = 1.0
     P[kernel.FM_EXPONENT] = P[kernel.FL_EXPONENT] = 2.0
     P[kernel.STOP_EXPONENT] = P[kernel.STOP_SIDE] = 1.0
     P[kernel.LOOP_LIMIT] = 1e300
-    P[kernel.MOTOR_ZERO] = run.motor_zero
     S[[kernel.AT_LINK, kernel.AT_NEAR, kernel.AT_BASE, kernel.AT_BRANCH, kernel.AT_LOOP]] = -1
     S[kernel.N_X] = 4
+    return P, S
+
+
+def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = False) -> Assembly:
+    """The base model of ``run`` at ``theta``; with ``free`` the model runs on inputs alone, without an observer."""
+    P, S = _plain()
+    P, S = P.copy(), S.copy()
+    P[_OF_BASE] = theta[_IN_BASE]
+    weight = kernel.G_COS if problem.rig.motion == "rotational" else kernel.G_CONST
+    P[weight] = theta[BASE_INDEX["gravity_moment"]]
+    P[kernel.MOTOR_ZERO] = run.motor_zero
     S[kernel.MOTOR] = kernel.MOTOR_FREE if run.motor_moves else kernel.MOTOR_HELD
     if run.mode == "prescribed-motor":
         S[kernel.MOTOR] = kernel.MOTOR_PRESCRIBED

@@ -46,6 +46,11 @@ class Predict(Protocol):
         ...
 
 
+def _finite(y: Vector) -> bool:
+    """Whether every sample is: the squares' sum says so, but where they are too large for one."""
+    return math.isfinite(float(y @ y)) or bool(np.all(np.isfinite(y)))
+
+
 @dataclass(frozen=True, eq=False)
 class Objective:
     """The runs that are compared, how they are predicted, and how their residuals are whitened.
@@ -113,11 +118,12 @@ class Objective:
         """w of one run as predicted, shape (n_kept,)."""
         run = self.problem.runs[self.runs[position]]
         whitener = self.whiteners[position]
-        if not all(np.all(np.isfinite(y)) for y in predicted):
+        if not all(_finite(y) for y in predicted):
             return np.full(sum(whitener.sizes), DIVERGED)
         left = [o.data - y for o, y in zip(run.outputs, predicted, strict=True)]
         w = whitener(left)[:, 0]
-        return w if np.all(np.abs(w) < UNREAL) else np.full(sum(whitener.sizes), DIVERGED)
+        real = float(w @ w) < UNREAL**2 or bool(np.all(np.abs(w) < UNREAL))
+        return w if real else np.full(sum(whitener.sizes), DIVERGED)
 
     def run_residual(self, position: int, theta: Vector, effects: tuple[ActiveEffect, ...]) -> Vector:
         """Predict and whiten one run."""

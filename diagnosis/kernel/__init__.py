@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from jointscope.diagnosis.kernel.compiled import Real
+from jointscope.diagnosis.kernel.compiled import Real, compiled
 from jointscope.diagnosis.kernel.full_steps import simulate_full
 from jointscope.diagnosis.kernel.laws import tabled as tabled
 from jointscope.diagnosis.kernel.laws import windup as windup
@@ -49,27 +49,35 @@ def simulate(
         out: Result; columns X_QS ... X_TEXT.
     """
     um, ul, y, w = (np.ascontiguousarray(x) for x in (um, ul, y, w))  # each other layout is compiled anew
-    modes = int(S[AT_LINK] >= 0) + int(S[AT_NEAR] >= 0) + int(S[AT_BASE] >= 0)
-    scalar = S[N_X] == 4 + 2 * modes + S[N_BRANCH] and modes <= 1
-    scalar = scalar and S[LOAD_PRESCRIBED] == 0 and S[MOTOR] != MOTOR_PRESCRIBED
-    if not scalar:
+    mode, needs = what_it_needs(P, S)
+    if mode < 0:
         simulate_full(x, P, S, um, ul, y, w, t0, h, out)
         return
-    mode = 1 if S[AT_LINK] >= 0 else (2 if S[AT_NEAR] >= 0 else (3 if S[AT_BASE] >= 0 else 0))
-    needs = _needs(P, S, mode)
     steppers = FIXED if S[MOTOR] == MOTOR_HELD else FREE
     step = next(stepper for holds, stepper in steppers.items() if needs & ~holds == 0)
     step(x, P, S, bool(S[FRICTION_M] != 0), bool(S[FRICTION_L] != 0), mode, um, ul, y, t0, h, out)
 
 
-def _needs(P: Real, S: NDArray[np.int64], mode: int) -> int:
-    """What the joint has beside the plain one's laws, as bits of the layout."""
-    has = (
-        (HAS_MODE, mode != 0),
-        (HAS_BRANCHES, S[N_BRANCH] > 0),
-        (HAS_LINES, S[N_TE] > 0 or S[N_RIPPLE] > 0),
-        (HAS_SPRINGS, any(P[entry] != 0.0 for entry in BENDS)),
-        (HAS_LOOPS, S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0),
-        (HAS_RUBS, P[ROUND_M_SPEED] != 0.0 or P[ROUND_L_SPEED] != 0.0 or S[PRE_SITE] > 0),
-    )
-    return sum(bit for bit, there in has if there)
+@compiled
+def what_it_needs(P: Real, S: NDArray[np.int64]) -> tuple[int, int]:
+    """The one mode there is (0: none; -1: what scalars can't hold), and what there is beside the plain joint's laws, as bits."""
+    link, near, base = S[AT_LINK] >= 0, S[AT_NEAR] >= 0, S[AT_BASE] >= 0
+    modes = int(link) + int(near) + int(base)
+    if S[N_X] != 4 + 2 * modes + S[N_BRANCH] or modes > 1 or S[LOAD_PRESCRIBED] or S[MOTOR] == MOTOR_PRESCRIBED:
+        return -1, 0
+    mode = 1 if link else (2 if near else (3 if base else 0))
+    needs = 0
+    if mode != 0:
+        needs |= HAS_MODE
+    if S[N_BRANCH] > 0:
+        needs |= HAS_BRANCHES
+    if S[N_TE] > 0 or S[N_RIPPLE] > 0:
+        needs |= HAS_LINES
+    for entry in BENDS:
+        if P[entry] != 0.0:
+            needs |= HAS_SPRINGS
+    if S[HYST_KIND] > 0 or P[REID] != 0.0 or S[TABLE_SITE] > 0:
+        needs |= HAS_LOOPS
+    if P[ROUND_M_SPEED] != 0.0 or P[ROUND_L_SPEED] != 0.0 or S[PRE_SITE] > 0:
+        needs |= HAS_RUBS
+    return mode, needs

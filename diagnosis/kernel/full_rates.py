@@ -233,6 +233,13 @@ def _rates_source(
             aux[13] = P[J_M] * a_s - (force_m - tau - P[J_M] * push)
 
 
-# inlined into the one hot loop; called as a function at the rare events
-rates = compiled(_rates_source)
-rates_inlined = inlined(_rates_source)
+rates_inlined = inlined(_rates_source)  # into the one hot loop
+
+
+@compiled
+def rates(
+    x: Real, dx: Real, t: float, um: float, ul: float, y: float, w: float, P: Real, S: NDArray[np.int64], mem: Real,
+    sm: int, sl: int, aux: Real, note: bool,
+) -> None:  # fmt: skip
+    """The same, called at the rare events."""
+    rates_inlined(x, dx, t, um, ul, y, w, P, S, mem, sm, sl, aux, bool(np.bool_(note)))

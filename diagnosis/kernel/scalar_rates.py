@@ -199,5 +199,18 @@ def _scalar_rates_source(
     return dq_s, dv_s, dq, dv, u, du, a_s, a, link, T, tau, net_m, net_l, level_m, level_l
 
 
-scalar_rates = compiled(_scalar_rates_source)
 scalar_rates_inlined = inlined(_scalar_rates_source)
+
+
+@compiled
+def scalar_rates(
+    q_s: float, v_s: float, q: float, v: float, r: float, u: float, t: float, um: float, ul: float, y: float,
+    held: bool, p: tuple[float, ...], turn: tuple[float, float, float], f: tuple[float, ...],
+    dry_m: bool, dry_l: bool, sm: int, sl: int, rich: bool, P: Real, S: NDArray[np.int64], mem: Real, mode: int,
+    on: tuple[int, ...], relaxing: float, seat: int,
+) -> tuple[float, ...]:  # fmt: skip
+    """The same, called where it is rarely needed."""
+    return scalar_rates_inlined(
+        q_s, v_s, q, v, r, u, t, um, ul, y, held, p, turn, f, dry_m, dry_l, sm, sl, rich, P, S, mem, mode, on,
+        relaxing, seat,
+    )  # fmt: skip

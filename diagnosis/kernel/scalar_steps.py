@@ -292,7 +292,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
         j = 2 * n
         _1, _2, _3, _4, _5, _6, acc_s, acc, link, T, tau, _7, _8, _9, _a = scalar_rates(
             q_s, v_s, q, v, r, u, t0 + n * h, um[j], ul[j], y[j], HELD, p, turn, f, dry_m, dry_l, sm, sl, RICH, P, S, mem,
-            at, on, z4, 2,
+            at, on, z4, int(np.int64(2)),  # no literal: for one it would be compiled anew
         )  # fmt: skip
         row = out[n]
         row[X_QS], row[X_VS], row[X_AS], row[X_Q], row[X_V], row[X_A] = q_s, v_s, acc_s, q, v, acc
