@@ -144,8 +144,8 @@ def channel_errors(
             channel = run.run.streams[output.channel[0]].channels[output.channel[1]]
             if channel.samples is None:
                 continue
-            recorded = np.asarray(channel.samples, dtype=np.float64)
-            predicted = output.polarity * (np.asarray(predicted) + output.offset)
+            recorded = np.asarray(channel.samples, dtype=np.float64) / output.scale
+            predicted = output.recorded(predicted) / output.scale
             scored = np.isfinite(recorded)
             if output.mask.size == recorded.size and np.any(output.mask):
                 scored &= output.mask

@@ -83,9 +83,7 @@ def _positions(runs: Sequence[PreparedRun], base: Model, model: Model, problem: 
             if output.quantity not in ANGULAR or recorded is None or output.mask.size != recorded.size:
                 continue
             scored = output.mask & np.isfinite(recorded)
-            a, b = (
-                rms((recorded - output.polarity * (np.asarray(p[k]) + output.offset))[scored]) for p in predictions
-            )
+            a, b = (rms((recorded - output.recorded(p[k]))[scored]) for p in predictions)
             unit = "m" if output.quantity == "position" else "rad"
             pooled.setdefault(f"{output.quantity}@{output.location}", []).append((a, b, unit))
     return {

@@ -6,6 +6,7 @@
   "effects": [ { "effect": name, "location": ..., "variant": ..., "parameters": { name: value },
                  "runs": { run id: weight, for effects of some runs }, "range": [ends of an unnamed law's nodes] } ],
   "sensors": [ { "quantity", "location", "direction", "radius", "nth", "polarity": -1 if it counts the other way round,
+                 "scale": of its record per SI where its unit is unknown,
                  "offset": what it reads at rest [SI], "weighs": false where its record refutes its weight } ] }
 """
 
@@ -35,6 +36,7 @@ from jointscope.recordings.campaign import Nameplate, Run, Signal
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Problem
+    from jointscope.diagnosis.problem import Output
 
 FORMAT = "jointscope-model/1"
 KIND = "diagnosis"
@@ -56,19 +58,25 @@ def model_json(problem: Problem, theta: Vector, effects: tuple[ActiveEffect, ...
 
 def _sensors(problem: Problem) -> list[dict[str, Any]]:
     """Channels that count the other way round, don't read zero at rest (mean over the runs) or weigh nothing, each once."""
-    seen: dict[tuple[Any, ...], tuple[dict[str, Any], float, bool, list[float]]] = {}
+    seen: dict[tuple[Any, ...], tuple[dict[str, Any], Output, bool, list[float]]] = {}
     for run in problem.runs:
         signals = {(s.device, s.stream.channels.index(s.channel)): s for s in run.run.signals}
         for output in run.declared:
             signal = signals[output.channel]
             sensor = sensor_of(run.run, signal)
             weighs = output.gravity == gravity_at(signal.channel, problem.rig)
-            found = seen.setdefault(tuple(sensor.values()), (sensor, output.polarity, weighs, []))
+            found = seen.setdefault(tuple(sensor.values()), (sensor, output, weighs, []))
             found[-1].append(signal.channel.taken_off)
     return [
-        {**sensor, "polarity": polarity, "offset": float(np.mean(levels)), "weighs": weighs}
-        for sensor, polarity, weighs, levels in seen.values()
-        if polarity < 0.0 or any(levels) or not weighs
+        {
+            **sensor,
+            "polarity": output.polarity,
+            **({} if output.calibrated else {"scale": output.scale}),
+            "offset": float(np.mean(levels)),
+            "weighs": weighs,
+        }
+        for sensor, output, weighs, levels in seen.values()
+        if output.polarity < 0.0 or any(levels) or not weighs or output.scale != 1.0
     ]
 
 

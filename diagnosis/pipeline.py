@@ -41,6 +41,7 @@ from jointscope.diagnosis.split import Split, split_runs
 from jointscope.diagnosis.turning import repeating
 from jointscope.diagnosis.twins import each_once
 from jointscope.diagnosis.two_of_three import answered
+from jointscope.diagnosis.unscaled import in_si, unscaled
 from jointscope.diagnosis.verdict import (
     Decision,
     with_changes,
@@ -127,9 +128,9 @@ def diagnose(
     split = split_runs(problem)
     report(f"refitting the base model to {len(split.estimate)} runs")
     stage = refit_base(problem, predict, split.estimate, pool)
-    for _ in range(REALIGNED if inexact(problem) else 0):
+    for _ in range(REALIGNED if inexact(problem) or unscaled(problem.runs) else 0):
         theta, _ = stage.fit.coordinates.unpack(stage.fit.x)
-        problem = realigned(problem, theta)
+        problem = in_si(realigned(problem, theta), theta, exact=True)
         stage = refit_base(problem, predict, split.estimate, pool)
     for righted in (as_seen, without_hum):
         found = righted(problem, stage.fit.coordinates.unpack(stage.fit.x)[0], predict)

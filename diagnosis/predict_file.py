@@ -32,6 +32,7 @@ def predict_campaign(
     from jointscope.diagnosis.prepare import prepare_inputs
     from jointscope.diagnosis.seen_weight import weightless
     from jointscope.diagnosis.starts import inverted
+    from jointscope.diagnosis.unscaled import rescaled
 
     problem = prepare_inputs(campaign)
     _, theta, effects = read_model_json(model, problem)
@@ -45,8 +46,8 @@ def predict_campaign(
         for declared, y in zip(run.declared, arrays, strict=True):
             signal, known = signals[declared.channel], stated[declared.channel]
             output = inverted(declared, run) if known.get("polarity", 1.0) < 0.0 else declared
-            recorded = output.polarity * (np.asarray(y, dtype=np.float64) + output.offset)
-            predictions[run.run.id].append((signal, recorded + known.get("offset", 0.0)))
+            output = rescaled(output, known.get("scale", 1.0))
+            predictions[run.run.id].append((signal, output.recorded(y) + known.get("offset", 0.0)))
     return predictions
 
 

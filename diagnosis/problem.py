@@ -40,7 +40,8 @@ class Output:
         gravity: g that this sensor sees [m/s^2]; 0 where it does not.
         high_pass: Corner below which data and prediction are both cut [Hz], or ``None``.
         polarity: +1, or -1 where the channel was found inverted.
-        offset: recorded = polarity * (data + offset).
+        offset: See :meth:`recorded`.
+        scale: Recorded units per SI where the unit is unknown, as the base has it.
         calibrated: Whether its unit is known.
         observed: Whether this is the angle that the observer follows: the comparison is its innovation.
         followed_to: Corner of the observer below which the model follows the recorded angle [Hz].
@@ -69,6 +70,7 @@ class Output:
     high_pass: float | None = None
     polarity: float = 1.0
     offset: float = 0.0
+    scale: float = 1.0
     calibrated: bool = True
     observed: bool = False
     followed_to: float = OBSERVER_HZ
@@ -77,6 +79,10 @@ class Output:
     step: float | None = None
     recorded_rate: float | None = None
     taken_off: float = 0.0
+
+    def recorded(self, y: Vector) -> Vector:
+        """What the record holds where ``data`` is ``y``: polarity scale (y + offset), same shape."""
+        return np.asarray(self.polarity * self.scale * (np.asarray(y, dtype=np.float64) + self.offset))
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ from jointscope.diagnosis.responses import (
 )
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
+from jointscope.diagnosis.unscaled import in_si, unscaled, without_unscaled
 from jointscope.diagnosis.wind_up import with_wind_up
 from jointscope.identification.drive import identify_drive
 from jointscope.models.parameters import Joint, ParameterError
@@ -56,11 +57,15 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...], law: DriveLaw | 
     ``law``: of a drive whose motions recorded no angle; without, the law is sought in what was recorded.
     """
     rig = campaign.rig
+    if unscaled(runs):
+        known = _started(rig, without_unscaled(runs))
+        runs = in_si(replace(known, runs=runs), known.base.start, exact=False).runs
     problem = _started(rig, runs)
     if inexact(problem):
         problem = aligned(problem, problem.base.start)
         again = _started(rig, problem.runs, exact=True)
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
+    problem = in_si(problem, problem.base.start, exact=True)
     if law is None:
         base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
     else:

@@ -247,7 +247,9 @@ def outputs_of(assembly: ArmAssembly, motion: Motion) -> tuple[Vector, ...]:
     for output, probe in zip(run.outputs, run.probes, strict=True):
         late = assembly.late if output.device != 0 else 0.0
         if probe < 0:
-            found.append(_read(run.ratio * motion.rotor, output, run, late))
+            turned = run.ratio * motion.rotor
+            speed = output.quantity == "angular-velocity"
+            found.append(_read(np.gradient(turned) * run.grid_rate if speed else turned, output, run, late))
         else:
             seat, felt = run.sensors[probe], np.ascontiguousarray(motion.readings[:, probe])
             own = assembly.ringing.get(seat) or assembly.ringing.get("")

@@ -43,11 +43,11 @@ class ArmRun(PreparedRun):
         kinds: ``kernel.BRAKED``, ``HELD``, ``DRIVEN`` or ``FREE`` per joint, shape (n,).
         locked: Which joints the run says are rigid, shape (n,).
         driven: Place of the joint whose torque was logged, or -1.
-        path, path_rate: Recorded angle of its rotor at the output from the start [rad] and its rate, at half
-            steps.
+        path, path_rate: Recorded angle of its rotor at the output from the start [rad], or the integral of its recorded
+            speed, and its rate, at half steps.
         commanded, commanded_rate: The same from the speed command.
         tie: Inertia that the tie to the path acts on [kg m^2].
-        probes: Which reading of the plant each output is, -1 for the motor angle.
+        probes: Which reading of the plant each output is, -1 for the motor's angle or speed.
         sensors: Where each accelerometer sits, as long as ``plant.motion``.
     """
 

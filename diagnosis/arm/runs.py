@@ -165,8 +165,10 @@ def _outputs(run: Run) -> tuple[list[Signal], Signal | None]:
     accelerations = [
         s for s in run.select("linear-acceleration", role="output") if s.channel.location in ("arm", "neighbour")
     ]
-    angles = run.select("angle", location="motor", role="output")
-    return accelerations, angles[0] if angles and not run.brake else None
+    turning = [
+        s for kind in ("angle", "angular-velocity") for s in run.select(kind, location="motor", role="output")
+    ]
+    return accelerations, turning[0] if turning and not run.brake else None
 
 
 def _probe(facts: ArmFacts, signal: Signal) -> Probe:
@@ -228,6 +230,8 @@ def _recorded_path(angle: Signal | None, half: Vector, ratio: float) -> tuple[Ve
     cut = dsp.butter(4, PATH_BAND * angle.sampling_rate, fs=angle.sampling_rate, output="sos")
     slow = dsp.sosfiltfilt(cut, samples)
     curve = bandlimited(slow, angle.sampling_rate, angle.stream.start)
+    if angle.channel.quantity == "angular-velocity":
+        return _travelled(curve(half), half)
     return curve(half), curve(half, 1)
 
 
@@ -239,7 +243,11 @@ def _rest(angle: Signal) -> float:
 def _commanded(command: Drive | None, half: Vector) -> tuple[Vector, Vector]:
     if command is None:
         return np.zeros_like(half), np.zeros_like(half)
-    speed = command.signal(half)
+    return _travelled(command.signal(half), half)
+
+
+def _travelled(speed: Vector, half: Vector) -> tuple[Vector, Vector]:
+    """The angle that a speed turns through from the start [rad], and the speed."""
     step = float(half[1] - half[0])
     return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * step, speed
 
@@ -269,10 +277,10 @@ def _acceleration(signal: Signal, end: float, lever: float) -> Output:
 
 
 def _angle(signal: Signal) -> Output:
-    """The motor's angle from its rest, on the shaft [rad]."""
-    rest = _rest(signal)
+    """The motor's angle from its rest [rad], or its speed [rad/s], on the shaft."""
+    rest, quantity = _rest(signal), signal.channel.quantity
     return Output(
-        quantity="angle", location="motor", device=signal.device, late=signal.device != 0, rate=signal.sampling_rate,
+        quantity=quantity, location="motor", device=signal.device, late=signal.device != 0, rate=signal.sampling_rate,
         times=signal.times, data=np.asarray(signal.samples, dtype=np.float64) - rest, mask=_scored(signal),
         offset=rest, observed=True, channel=_channel_place(signal),
     )  # fmt: skip

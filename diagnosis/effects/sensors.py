@@ -90,6 +90,13 @@ def _tilt_possible(problem: Problem) -> str | None:
     return "no linear accelerometer on a turning arm"
 
 
+def _gain_possible(problem: Problem) -> str | None:
+    found = [o for run in problem.runs for o in run.outputs if "acceleration" in o.quantity]
+    if found and not any(o.calibrated for o in found):
+        return "no accelerometer's scale is known"
+    return needs_accelerometer(problem)
+
+
 def _force_possible(problem: Problem) -> str | None:
     return None if any(run.load is not None for run in problem.runs) else "no force was recorded"
 
@@ -263,7 +270,7 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=lambda problem: (1.01, 1.04, 1.12),
         sensible=beyond_calibration,
         starts=one_start,
-        possible=needs_accelerometer,
+        possible=_gain_possible,
     ),
     EffectSpec(
         name="sensor-gain",

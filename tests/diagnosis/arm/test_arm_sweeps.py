@@ -16,7 +16,7 @@ import planar  # type: ignore[import-not-found]
 from jointscope.diagnosis import rounds
 from jointscope.diagnosis.arm import kernel
 from jointscope.diagnosis.arm.pipeline import diagnose_arm
-from jointscope.diagnosis.arm.predict import free_prediction
+from jointscope.diagnosis.arm.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.arm.prepare import prepare_arm
 
 NOISE = 0.01  # of each accelerometer's size
@@ -64,3 +64,30 @@ def test_what_drifts_below_a_sweep_is_not_foretold(sweeps):
     assert kernel.DRIVEN in run.kinds
     slow = float(np.mean(predicted[angle]) - predicted[angle][0])
     assert abs(slow) < 0.5 * float(np.std(predicted[angle]))
+
+
+def test_a_motor_whose_speed_alone_was_recorded_is_followed(tmp_path_factory):
+    """Its integral is the path, as right as the angle's; the speed is compared, and no less foretold."""
+    campaign = planar.swept(tmp_path_factory.mktemp("speeds"))
+    run = campaign.runs[0]
+
+    def speed(channel):
+        if channel.quantity != "angle":
+            return channel
+        rate = next(s.sampling_rate for s in run.streams if channel in s.channels)
+        return replace(
+            channel, quantity="angular-velocity", unit="rad/s", samples=np.gradient(channel.samples) * rate
+        )
+
+    streams = tuple(replace(s, channels=tuple(speed(c) for c in s.channels)) for s in run.streams)
+    problems = [prepare_arm(replace(campaign, runs=(r,))) for r in (run, replace(run, streams=streams))]
+    by_angle, by_speed = (p.arm_runs[0] for p in problems)
+    travel = float(np.ptp(by_angle.path))
+    assert travel > 0.0 and np.max(np.abs(by_speed.path - by_angle.path)) < 0.01 * travel
+    (turning,) = (k for k, probe in enumerate(by_speed.probes) if probe < 0)
+    output = by_speed.outputs[turning]
+    assert output.quantity == "angular-velocity" and output.observed
+    theta = problems[1].base.start
+    foretold = predict_outputs(by_speed, theta, (), problems[1])[turning]
+    left = (output.data - foretold)[output.mask]
+    assert float(np.std(left)) < 0.05 * float(np.std(output.data[output.mask]))
