@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,8 @@ _CANDIDATES = 7
 _CONTRADICTION = 0.4  # mean cosine of the phase error below minus which a channel counts as inverted
 _ACTIVE = 0.15  # share of negative mobility above which a channel counts as inverted
 WORKED = 0.15  # share of net work from which on a channel can't be inverted
+_APART = 1.5  # frequency of the loudest mode over that of the one that moves farthest, from which on they are two
+_ENOUGH = 8  # lines below, that say something
 _SURE = 6.0  # averages a coherence must be made of before it counts in full
 
 
@@ -190,6 +192,22 @@ def fitted(base: BaseSpec, measured: tuple[Response, ...], starts: tuple[Vector,
         if best is None or fit.cost < best[0]:
             best = (float(fit.cost), _filled(trial, names, fit.x))
     return None if best is None else best[1]
+
+
+def first_modes(measured: tuple[Response, ...]) -> tuple[Response, ...]:
+    """The responses below a further mode that accelerates most, where what moves most lies lower; none where there is no such.
+
+    A bending arm's sensor may read little of the joint's own resonance beside its second mode.
+    """
+    found = []
+    for response in measured:
+        size = response.weight * np.abs(response.H)
+        loudest = float(response.f[int(np.argmax(size))])
+        farthest = float(response.f[int(np.argmax(size / response.f**2))])
+        kept = response.f < loudest / _APART
+        if farthest < loudest / _APART and int(np.sum(kept)) >= _ENOUGH:
+            found.append(replace(response, f=response.f[kept], H=response.H[kept], weight=response.weight[kept]))
+    return tuple(found)
 
 
 def passive_polarities(measured: tuple[Response, ...]) -> dict[tuple[object, ...], float]:

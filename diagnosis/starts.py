@@ -23,6 +23,7 @@ from jointscope.diagnosis.problem import Problem
 from jointscope.diagnosis.responses import (
     WORKED,
     channel_key,
+    first_modes,
     fitted,
     passive_polarities,
     polarities,
@@ -117,7 +118,8 @@ def _nearest(problem: Problem, measured: tuple[Response, ...]) -> Problem:
     base, runs, known = problem.base, problem.runs, known_inertia(problem.rig)
     slow = rigid_start(base, runs, base.start, known)
     quick = fitted(base, measured, (base.start,) if slow is None else (base.start, slow))
-    candidates = [start for start in (quick, slow, base.start) if start is not None]
+    low = fitted(base, first_modes(measured), (base.start,))
+    candidates = [start for start in (quick, low, slow, base.start) if start is not None]
     if quick is not None:
         rest = rigid_start(base, runs, quick, known)
         if rest is not None:
