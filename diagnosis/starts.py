@@ -32,7 +32,7 @@ from jointscope.diagnosis.responses import (
 )
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
-from jointscope.diagnosis.unscaled import in_si, unscaled, without_unscaled
+from jointscope.diagnosis.unscaled import in_si, unit_missing, unscaled, without_unscaled
 from jointscope.diagnosis.wind_up import with_wind_up
 from jointscope.identification.drive import identify_drive
 from jointscope.models.parameters import Joint, ParameterError
@@ -67,6 +67,7 @@ def finished(campaign: Campaign, runs: tuple[PreparedRun, ...], law: DriveLaw | 
         again = _started(rig, problem.runs, exact=True)
         problem = aligned(replace(again, findings=(*problem.findings, *again.findings)), again.base.start)
     problem = in_si(problem, problem.base.start, exact=True)
+    problem = replace(problem, findings=(*problem.findings, *unit_missing(runs)))
     if law is None:
         base = _with_drive(problem.base, problem.runs, _drive(campaign, rig, problem.base), rig)
     else:

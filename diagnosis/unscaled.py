@@ -75,6 +75,19 @@ def in_si(problem: Problem, theta: Vector, *, exact: bool) -> Problem:
     return replace(problem, runs=runs, findings=(*others, *_in_words(runs)))
 
 
+def unit_missing(runs: tuple[PreparedRun, ...]) -> tuple[str, ...]:
+    """What no channel tells the scale of, in words; nothing where inputs have no units either: then all is per unit of them."""
+    driven = any(drive is not None and drive.calibrated for run in runs for drive in (run.load, run.motor))
+    if not driven or unscaled(runs):
+        return ()
+    found = {_instrument(o): o for run in runs for o in run.outputs if _to_scale(o)}
+    return tuple(
+        f"{o.quantity} at the {o.location}: its unit is unknown and no other channel tells it; it is taken for SI, "
+        "and stiffness, damping and inertia are as far off as it is (give its scale)"
+        for o in found.values()
+    )
+
+
 def _in_words(runs: tuple[PreparedRun, ...]) -> tuple[str, ...]:
     """What one recorded unit of every channel that was brought to SI comes to, in words."""
     found = {_instrument(o): o for run in runs for o in run.outputs if o.scale != 1.0}

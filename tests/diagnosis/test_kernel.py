@@ -368,6 +368,6 @@ def test_a_joint_moves_alike_whatever_else_its_stepper_holds(monkeypatch, law, m
     """What is left out when a stepper is compiled is what the joint does not have."""
     started = (1e-3, 0.0, 0.0, 0.1)
     _, own = run(*packed(MOTOR=motor, **law), x=started, duration=0.1)
-    monkeypatch.setattr(k, "_needs", lambda P, S, mode: k.HAS_ALL)
+    monkeypatch.setattr(k, "what_it_needs", lambda P, S: (0, k.HAS_ALL))
     _, all_laws = run(*packed(MOTOR=motor, **law), x=started, duration=0.1)
     np.testing.assert_allclose(own, all_laws, rtol=1e-9, atol=1e-9 * np.max(np.abs(own)))

@@ -67,8 +67,9 @@ def test_a_gain_of_what_has_no_scale_is_no_effect(volts, problem):
     assert gain.possible(volts) == "no accelerometer's scale is known"
 
 
-def test_where_nothing_else_has_a_unit_the_channel_is_taken_as_it_is(bench, edited):
+def test_where_no_other_output_has_a_unit_the_channel_is_taken_as_it_is_and_that_is_said(bench, edited):
     runs = tuple(edited(run, without_angle) for run in bench.runs)
     alone = prepare(replace(bench, runs=runs))
     assert not unscaled(alone.runs)
     assert all(o.scale == 1.0 for run in alone.runs for o in run.outputs)
+    assert [line for line in alone.findings if "its unit is unknown and no other channel tells it" in line]
