@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.alignment import aligned, inexact
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
-from jointscope.diagnosis.channels import high_pass
 from jointscope.diagnosis.followers import followers_polarities
 from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
@@ -32,7 +31,7 @@ from jointscope.diagnosis.responses import (
 )
 from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
-from jointscope.diagnosis.unscaled import in_si, unit_missing, unscaled, without_unscaled
+from jointscope.diagnosis.unscaled import in_si, quick, unit_missing, unscaled, without_unscaled
 from jointscope.diagnosis.wind_up import with_wind_up
 from jointscope.identification.drive import identify_drive
 from jointscope.models.parameters import Joint, ParameterError
@@ -49,7 +48,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 TRUSTED = 0.05  # of the torque's rms that a drive's law may leave, below which it is the drive
-_SLOW = 6.0  # Hz; drives and friction move the rigid body below it, the joint's resonance lies above
 
 
 def finished(campaign: Campaign, runs: tuple[PreparedRun, ...], law: DriveLaw | None = None) -> Problem:
@@ -151,19 +149,13 @@ def _misfit(problem: Problem, start: Vector) -> float:
             error = np.where(output.mask, output.data - y, 0.0)
             for data, rest in (
                 (output.data, error),
-                (_quick(output.data, output.rate), _quick(error, output.rate)),
+                (quick(output.data, output.rate), quick(error, output.rate)),
             ):
                 size = float(np.std(data[output.mask])) + 1e-6 * float(np.max(np.abs(data))) + 1e-300
                 with np.errstate(over="ignore"):  # of a start that flies apart
                     share = float(np.sqrt(np.mean(rest**2))) / size
                 shares.append(min(share, 10.0) if math.isfinite(share) else 100.0)
     return float(np.mean(np.log(np.array(shares) + 1e-9))) if shares else 0.0
-
-
-def _quick(x: Vector, rate: float) -> Vector:
-    """What lies above the slow part, by two first-order high-passes."""
-    corner = min(_SLOW, 0.1 * rate)
-    return high_pass(high_pass(x, corner, rate), corner, rate)
 
 
 def _righted(

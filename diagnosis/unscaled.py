@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.channels import high_pass
+from jointscope.diagnosis.parameters import torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Instrument = tuple[object, ...]
 
-SLOW = 6.0  # Hz, below which a drift or a start that nobody knows may be all there is
+SLOW = 6.0  # Hz; drives and friction move the rigid body below it, the joint's resonance lies above
 
 
 def _instrument(output: Output) -> Instrument:
@@ -33,8 +34,7 @@ def _instrument(output: Output) -> Instrument:
 def unscaled(runs: tuple[PreparedRun, ...]) -> bool:
     """Whether any channel's scale is unknown, and can be told: an input and another output have units."""
     outputs = [o for run in runs for o in run.outputs]
-    driven = any(drive is not None and drive.calibrated for run in runs for drive in (run.load, run.motor))
-    return driven and any(_to_scale(o) for o in outputs) and any(o.calibrated for o in outputs)
+    return torque_calibrated(runs) and any(_to_scale(o) for o in outputs) and any(o.calibrated for o in outputs)
 
 
 def _to_scale(output: Output) -> bool:
@@ -77,8 +77,7 @@ def in_si(problem: Problem, theta: Vector, *, exact: bool) -> Problem:
 
 def unit_missing(runs: tuple[PreparedRun, ...]) -> tuple[str, ...]:
     """What no channel tells the scale of, in words; nothing where inputs have no units either: then all is per unit of them."""
-    driven = any(drive is not None and drive.calibrated for run in runs for drive in (run.load, run.motor))
-    if not driven or unscaled(runs):
+    if not torque_calibrated(runs) or unscaled(runs):
         return ()
     found = {_instrument(o): o for run in runs for o in run.outputs if _to_scale(o)}
     return tuple(
@@ -99,11 +98,14 @@ def _in_words(runs: tuple[PreparedRun, ...]) -> tuple[str, ...]:
 
 def _products(output: Output, y: Vector) -> Vector:
     """(d'd, d'y, y'y) above the slow part, shape (3,)."""
-    corner = min(SLOW, 0.1 * output.rate)
-    d, y = (
-        high_pass(high_pass(x, corner, output.rate), corner, output.rate)[output.mask] for x in (output.data, y)
-    )
+    d, y = (quick(x, output.rate)[output.mask] for x in (output.data, y))
     return np.array([d @ d, d @ y, y @ y])
+
+
+def quick(x: Vector, rate: float) -> Vector:
+    """What lies above the slow part, by two first-order high-passes."""
+    corner = min(SLOW, 0.1 * rate)
+    return high_pass(high_pass(x, corner, rate), corner, rate)
 
 
 def _scale(dd: float, dy: float, yy: float, *, exact: bool) -> float:
