@@ -21,8 +21,17 @@ from jointscope.diagnosis.absence import of_its_own, shown_in_absence
 from jointscope.diagnosis.base import Stage, of_further_runs, rewhiten
 from jointscope.diagnosis.echo import Echo, echoes, from_noise_alone, redriven, relogs
 from jointscope.diagnosis.effects.spec import made_to_show
-from jointscope.diagnosis.energies import Energies, by_experiment, drowned, error_energies, heard, improvement
-from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
+from jointscope.diagnosis.energies import (
+    Energies,
+    by_experiment,
+    drowned,
+    error_energies,
+    heard,
+    improvement,
+    in_proportion,
+)
+from jointscope.diagnosis.forms_left import beyond_forms
+from jointscope.diagnosis.gates import AS_FORETOLD, REAL, TELLING, WITNESSES, Comparison
 from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
@@ -34,7 +43,6 @@ from jointscope.diagnosis.struck import modes, unheard
 from jointscope.diagnosis.twins import twins
 
 Vector = NDArray[np.float64]
-WITNESSES = 3  # held-out runs that must all gain as foretold, where an amplitude's interval holds none at all
 REAL_RESONANT = 200.0  # of a line from outside that falls onto the joint's own resonance, where everything rings
 PROFILED = 1.0  # nats that a number fitted anew in every run gains from noise alone
 REAL_SORTED = 60.0  # of effects whose runs were sorted by what all runs say, held-out ones too
@@ -249,7 +257,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         foretold = float(np.sum(told))
         voters = told > VOTES if np.any(told > VOTES) else np.ones(told.shape, dtype=bool)
         agreeing, votes = float(np.mean(held[voters] > 0.0)), int(np.sum(voters))
-        expected = _in_proportion(judgement, raw)
+        expected = in_proportion(judgement.objective, judgement.held, raw)
     gain = float(np.sum(raw)) - child.occam + parent.occam
     added = [s for s in child.hypothesis.specs if f"{s.name}@{s.location}" not in parent.names]
     elsewhere = any(s.local for s in added) and foretold < UNREACHED_PLACE * expected
@@ -272,24 +280,6 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         exact=all(spec.exact for spec in parent.hypothesis.specs),
         from_outside=bool(added) and all(s.profiled for s in added),
     )
-
-
-def _in_proportion(judgement: Judgement, gains: Vector) -> float:
-    """What the held-out runs would gain if every sample gained as in the fitted runs of their kind [nats]."""
-
-    def kinds(objective: Objective) -> list[tuple[str, bool]]:
-        return [(run.run.experiment, run.run.brake) for run in objective.prepared]
-
-    sizes = np.array([sum(w.sizes) for w in judgement.objective.whiteners])
-    held_sizes = np.array([sum(w.sizes) for w in judgement.held.whiteners])
-    fitted, held = kinds(judgement.objective), kinds(judgement.held)
-    total = 0.0
-    for kind in dict.fromkeys(held):
-        theirs = np.array([k == kind for k in held])
-        mine = np.array([k == kind for k in fitted])
-        mine = mine if mine.any() else np.ones_like(mine)
-        total += float(gains[mine].sum() / max(sizes[mine].sum(), 1) * held_sizes[theirs].sum())
-    return total
 
 
 def score(judgement: Judgement, candidate: Judged) -> float:
@@ -326,9 +316,11 @@ def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judg
         picked = [least for name, least in asked.items() if name not in part.names]
         if not picked:
             continue
-        found = compare(judgement, part, child)
-        unpicked = found.gain > REAL and found.held_gain > max(picked)  # no search saw the held-out runs
-        if found.gain <= max(picked) and not unpicked:
+        found, most = compare(judgement, part, child), max(picked)
+        unseen = found.held_gain > most  # no search saw the held-out runs
+        if most <= REAL_PICKED and found.held_gain > TELLING:
+            unseen = unseen or found.gain + found.held_gain > most
+        if found.gain <= most and not (found.gain > REAL and unseen):
             return False
     return True
 
@@ -394,6 +386,8 @@ def _of_their_own(
         for child, weak in would:
             if all(c.beside for _, c in weak) is agreeing:
                 leading.setdefault(child.names, (child, weak))
-        few = list(leading.values())[:ASKED]
-        found.extend(child for child, weak in few if all(shown(judgement, part, child) for part, _ in weak))
+        for child, weak in list(leading.values())[:ASKED]:
+            left = [part for part, c in weak if not (agreeing and beyond_forms(judgement.judged, part, c))]
+            if all(shown(judgement, part, child) for part in left):
+                found.append(child)
     return found

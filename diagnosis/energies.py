@@ -14,7 +14,7 @@ from jointscope.diagnosis.noise import dynamic_level
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.echo import Echo
-    from jointscope.diagnosis.objective import Predictions
+    from jointscope.diagnosis.objective import Objective, Predictions
     from jointscope.diagnosis.prepare import Output, PreparedRun
     from jointscope.diagnosis.whiten import RunWhitener
 
@@ -124,3 +124,25 @@ def heard(gains: Vector, runs: Sequence[PreparedRun], silent: set[str]) -> Vecto
     """The gain of every run, and nothing of those in which a model only follows an echo."""
     drowned_out = np.array([run.run.experiment in silent for run in runs], dtype=bool)
     return np.where(drowned_out, np.minimum(gains, 0.0), gains)
+
+
+def in_proportion(objective: Objective, further: Objective, gains: Vector) -> float:
+    """What the runs of ``further`` would gain if every sample gained as in the runs of their kind [nats].
+
+    Args:
+        gains: Of the runs of ``objective``, shape (n_runs,) [nats].
+    """
+
+    def kinds(of: Objective) -> list[tuple[str, bool]]:
+        return [(run.run.experiment, run.run.brake) for run in of.prepared]
+
+    sizes = np.array([sum(w.sizes) for w in objective.whiteners])
+    further_sizes = np.array([sum(w.sizes) for w in further.whiteners])
+    told, wanted = kinds(objective), kinds(further)
+    total = 0.0
+    for kind in dict.fromkeys(wanted):
+        theirs = np.array([k == kind for k in wanted])
+        mine = np.array([k == kind for k in told])
+        mine = mine if mine.any() else np.ones_like(mine)
+        total += float(gains[mine].sum() / max(sizes[mine].sum(), 1) * further_sizes[theirs].sum())
+    return total

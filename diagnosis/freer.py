@@ -20,7 +20,7 @@ FREER = {  # by variant, the laws of more parameters that start where it was fou
     "bristles": ("bristles-asymmetric", "bristles-damped", "bristles-exponential"),
     # of as many, but from a lag of the wrong order the next effect is missed
     "first-order": ("second-order", "magnitude-optimum"),
-    "second-order": ("first-order", "magnitude-optimum", "damped-loop"),
+    "second-order": ("first-order", "magnitude-optimum", "damped-loop", "third-order"),
     "magnitude-optimum": ("damped-loop",),
     **dict.fromkeys(("cubic", "piecewise"), ("piecewise-cubic", "power")),
     "elbow": ("cantilever",),

@@ -26,6 +26,7 @@ SHARES = (0.0, 0.4, 0.4)  # of all that is explained, in rms, what a first, seco
 SHARE_BESIDE_EXACT = (
     0.3  # the same beside laws that have one form only: they leave nothing of their own to be explained
 )
+SHARE_OF_EXACT = 0.1  # or this where every held-out run that can tell gains what was foretold
 SHARE_AND_EVIDENCE = (0.2, 0.12)  # or both this share and this much of the parent's gain
 REST = 0.9  # or this of the energy that the parent leaves: no stand-in for a form's error gets that far
 REST_OF_EXACT = 0.5  # the same beside laws that have one form only
@@ -33,6 +34,9 @@ REAL_BESIDE = (
     60.0  # nats of a second effect that is believed for what no other form of the first could explain ...
 )
 OWN_FORM = 0.6  # ... and this share of its gain, to first order
+FORMS = 3.0  # or for gaining so many times what the first one's best forms differ by ...
+ALIKE = 10.0  # ... which is so many nats at least
+WITNESSES = 3  # held-out runs that must be able to tell, for either
 MATERIAL_BESIDE = 0.004  # the same as MATERIAL of such a one
 EVIDENT = 200.0  # nats of a force without a name that is too weak to matter, and yet is there beyond doubt
 REAL_UNREACHED = 200.0  # nats asked of the fitted runs then
@@ -122,11 +126,12 @@ class Comparison:
         needed = share_needed(self.parents, exact=self.exact)
         both = self.share > SHARE_AND_EVIDENCE[0] and self.gain + held > SHARE_AND_EVIDENCE[1] * self.parent_gain
         nearly_all = self.rest > (REST_OF_EXACT if self.exact else REST)
+        alone = self.exact and self.share > SHARE_OF_EXACT and self.material > MATERIAL_BESIDE and self.witnessed
         return (
             self.real
             and self.carries_over
             and (self.material > MATERIAL or self.evident)
-            and (self.share > needed or much or both or nearly_all)
+            and (self.share > needed or much or both or nearly_all or alone)
         )
 
     @property
@@ -140,8 +145,18 @@ class Comparison:
 
         Held-out runs must gain what was foretold, each of them.
         """
+        return self.perhaps_beside and self.as_foretold
+
+    @property
+    def as_foretold(self) -> bool:
+        """Whether the held-out runs gain what was foretold, most of them."""
         agrees = AGREES < self.held_gain / max(self.foretold_held, HELD) < 1.0 / AGREES
-        return self.perhaps_beside and agrees and self.share_of_runs >= AGREES
+        return agrees and self.share_of_runs >= AGREES
+
+    @property
+    def witnessed(self) -> bool:
+        """The same, by several runs that can tell."""
+        return self.as_foretold and self.votes >= WITNESSES
 
     @property
     def perhaps_beside(self) -> bool:

@@ -64,6 +64,7 @@ Report = Callable[[str], None]
 BEYOND = 2  # leading single effects that are started from beyond themselves
 SWAPS = 3  # times that look-alikes are tried in the place of a pair's members, while that changes its laws
 HOPES = 6  # effects, the first law of each, of which one must be worth building upon
+LOOKS_ALIKE = 0.02  # of what the leading pair gains, within which a pair that shares one effect with it is tried in all forms
 PROMISING = 5.0  # nats per added parameter below which a round's best is not built upon
 
 
@@ -235,7 +236,23 @@ def _swapped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -
         arena = settled(arena, found, effort)
         if arena.hypotheses[0].specs == leader.specs:
             break
-    return arena
+    return _rival_reshaped(arena, candidates, effort)
+
+
+def _rival_reshaped(arena: Arena, candidates: Sequence[ActiveEffect], effort: Effort) -> Arena:
+    """With the other laws of what the nearest other pair has in place of one of the leader's effects.
+
+    The leader's own laws have all been tried: a look-alike in its first form only would lose to them by its form.
+    """
+    leader = arena.hypotheses[0]
+    reach = leader.loss + LOOKS_ALIKE * (arena.base.loss - leader.loss)
+    pairs = [h for h in arena.hypotheses[1:] if len(h.names) == 2 and h.loss < reach]
+    rival = next((h for h in pairs if len(set(h.names) & set(leader.names)) == 1), None)
+    if rival is None or len(leader.names) != 2:
+        return arena
+    own = [c for c in candidates if name_of(c.spec) in rival.names and name_of(c.spec) not in leader.names]
+    found = reshaped(arena.objective, arena.base.fit, rival, own, arena.hypotheses, effort)
+    return settled(arena, found, effort) if found else arena
 
 
 def _uncoupled(arena: Arena) -> Arena:

@@ -61,12 +61,11 @@ def left_in_proportion(judgement: Judgement, fit: Adequacy, explained: float) ->
     """How far beyond noise an accelerometer's error grows beside a model that explains little [-]; 1 at the limit.
 
     Only where no two runs are alike, which would tell how much of the mismatch is explained; 0 where the model explains at
-    least ``explained`` of the base's error, noise and all.
+    least ``explained`` of the base's error, noise and all. A record that is noise for the most part says nothing here either.
     """
     if math.isfinite(fit.explained) or not fit.at_least < explained:
         return 0.0
-    blocks = judgement.noise.blocks.items()
-    return max((n.kappa for key, n in blocks if key[2] in ACCELERATIONS), default=0.0) / IN_PROPORTION
+    return grows_with_signal(judgement, fit) / IN_PROPORTION
 
 
 def foreseen(judgement: Judgement, fit: Adequacy) -> float:

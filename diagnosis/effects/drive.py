@@ -1,6 +1,6 @@
 r"""Between the logged torque and the shaft: the current loop's lag, and a torque constant or efficiency that is off.
 
-    tau = eta n T_e / (1 + s tau_e)          drive-lag, or two such stages of half the time
+    tau = eta n T_e / (1 + s tau_e)          drive-lag, or two or three such stages of a part of the time
     tau = eta n T_e / (1 + s tau_e + (s tau_e / 2 zeta)^2)     a current loop, tuned to the magnitude optimum: zeta^2 = 1/2
     tau = gain eta n T_e                     torque-gain
 
@@ -89,6 +89,7 @@ SPECS: tuple[EffectSpec, ...] = (
         for variant, apply, law, further, starts in (
             ("first-order", _lag(1), "tau = eta n T_e / (1 + s tau_e)", (), one_start),
             ("second-order", _lag(2), "tau = eta n T_e / (1 + s tau_e/2)^2", (), one_start),
+            ("third-order", _lag(3), "tau = eta n T_e / (1 + s tau_e/3)^3", (), one_start),
             ("magnitude-optimum", _loop, "tau = eta n T_e / (1 + s tau_e + s^2 tau_e^2/2)", (), one_start),
             (
                 "damped-loop",

@@ -24,7 +24,7 @@ Family = Literal[
 ]  # fmt: skip
 Values = tuple[float, ...]
 Vector = NDArray[np.float64]
-CALIBRATED_TO = 0.001  # to which a sensor's factor is known at the very best
+CALIBRATED_TO = 0.0025  # to which a torque constant or a sensitivity is known at the very best
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from jointscope.models.effects.transmission import lines_of
 
 
 def lag(building: Building, location: str, variant: str, p: Parameters) -> str:
-    """tau = eta n T_e / (1 + s tau_e), of the logged torque, two stages of half the time, or a second-order loop."""
+    """tau = eta n T_e / (1 + s tau_e), of the logged torque, two or three stages of a part of it, or a second-order loop."""
     if variant in ("magnitude-optimum", "damped-loop"):
         building.law(
             "drive-lag", time_constant=p["time_constant"], damping=p.get("damping", math.sqrt(0.5)), form=variant
         )
         return ""
-    stages = 2 if variant == "second-order" else 1
+    stages = {"second-order": 2, "third-order": 3}.get(variant, 1)
     for _ in range(stages):
         building.law("drive-lag", time_constant=p["time_constant"] / stages)
     return ""

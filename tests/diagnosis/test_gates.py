@@ -149,6 +149,22 @@ def test_a_law_of_one_form_leaves_nothing_that_a_smaller_share_could_stand_for(s
     assert replace(FURTHER, share=share, exact=exact, parent_gain=4000.0).stands is stands
 
 
+@pytest.mark.parametrize(
+    ("changed", "stands"),
+    [
+        ({}, True),
+        ({"exact": False}, False),
+        ({"share": 0.08}, False),
+        ({"votes": 2}, False),
+        ({"held_gain": 300.0}, False),
+        ({"material": 0.003}, False),
+    ],
+)
+def test_beside_a_law_of_one_form_a_small_effect_stands_where_several_runs_gain_as_foretold(changed, stands):
+    beside = replace(FURTHER, exact=True, share=0.12, votes=5, parent_gain=4000.0)
+    assert replace(beside, **changed).stands is stands
+
+
 def test_without_held_out_runs_nothing_is_asked_of_them():
     assert replace(FOUND, held_gain=math.nan, expected_held=math.nan, foretold_held=math.nan, lost=math.nan).stands
 

@@ -77,7 +77,7 @@ def test_a_time_below_what_recorders_leave_open_is_no_effect(problem, name, vari
 
 
 def test_a_gain_that_no_calibration_holds_is_no_fault(problem):
-    """A long record tells a gain to 1e-5; a sensor's factor is known to a thousandth at the very best."""
+    """A long record tells a gain to 1e-5; a sensor's factor is known to a quarter of a per cent at the very best."""
     specs = [s for s in catalogue(problem) if s.name in ("sensor-gain", "torque-gain")]
     assert len(specs) >= 2
     for spec in specs:

@@ -17,7 +17,13 @@ FAILS = SimpleNamespace(
     votes=0, gain=0.0, stands=False, beside=False, perhaps_beside=False, stands_but_for_size=False
 )
 BESIDE = SimpleNamespace(
-    votes=0, gain=200.0, stands=False, beside=True, perhaps_beside=True, stands_but_for_size=False
+    votes=0,
+    gain=200.0,
+    stands=False,
+    beside=True,
+    perhaps_beside=True,
+    stands_but_for_size=False,
+    witnessed=False,
 )
 PERHAPS = SimpleNamespace(
     votes=0, gain=200.0, stands=False, beside=False, perhaps_beside=True, stands_but_for_size=False
@@ -42,6 +48,19 @@ SLIGHT = SimpleNamespace(
 def test_a_place_is_picked_out_of_a_travel(monkeypatch, local, gain, held, stays):
     """A stop may be sought anywhere: the best of all places gains more than one that was known, or all of it unseen."""
     spec = SimpleNamespace(name="end-stop", location="load", family="stiffness", local=local)
+    child, base = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,))), SimpleNamespace(names=())
+    monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain, held_gain=held))
+    assert adjudicate._beyond_the_search(None, child, [base]) is stays
+
+
+@pytest.mark.parametrize(
+    ("gain", "held", "stays"),
+    [(48.0, 19.0, True), (48.0, 11.0, False), (48.0, 14.0, False), (28.0, 40.0, False), (62.0, 0.0, True)],
+)
+def test_an_order_is_picked_out_of_all_orders_and_runs_that_no_search_saw_may_tell_with_the_fitted_ones(
+    monkeypatch, gain, held, stays
+):
+    spec = SimpleNamespace(name="transmission-error", location="transmission", family="periodic", local=False)
     child, base = SimpleNamespace(hypothesis=SimpleNamespace(specs=(spec,))), SimpleNamespace(names=())
     monkeypatch.setattr(adjudicate, "compare", lambda *_: SimpleNamespace(gain=gain, held_gain=held))
     assert adjudicate._beyond_the_search(None, child, [base]) is stays

@@ -52,17 +52,25 @@ def test_an_error_as_large_as_a_hit_grows_with_it_where_it_fades(builders, share
 
 
 @pytest.mark.parametrize(
-    ("kappa", "explained", "at_least", "quantity", "beyond"),
+    ("kappa", "explained", "at_least", "quantity", "base", "beyond"),
     [
-        (0.10, math.nan, 0.55, "linear-acceleration", 2.0),  # a third of the base's error is left
-        (0.10, math.nan, 0.70, "linear-acceleration", 0.0),  # what was named explains most
-        (0.10, 0.99, 0.15, "linear-acceleration", 0.0),  # runs that are alike tell it from noise
-        (0.00, math.nan, 0.15, "linear-acceleration", 0.0),  # nothing grows: the rest is noise
-        (0.10, math.nan, 0.15, "angle", 0.0),  # an angle drifts
+        (0.10, math.nan, 0.55, "linear-acceleration", 0.1, 2.0),  # a third of the base's error is left
+        (0.10, math.nan, 0.70, "linear-acceleration", 0.1, 0.0),  # what was named explains most
+        (0.10, 0.99, 0.15, "linear-acceleration", 0.1, 0.0),  # runs that are alike tell it from noise
+        (0.00, math.nan, 0.15, "linear-acceleration", 0.1, 0.0),  # nothing grows: the rest is noise
+        (0.10, math.nan, 0.15, "angle", 0.1, 0.0),  # an angle drifts
+        (0.10, math.nan, 0.15, "linear-acceleration", 0.7, 0.0),  # a motion that is noise for the most part
     ],
 )
-def test_an_error_in_proportion_beside_what_was_named_is_no_noise(kappa, explained, at_least, quantity, beyond):
-    blocks = {("hammer", True, quantity, "arm", "tangential", 1.0, 1000.0): SimpleNamespace(kappa=kappa)}
-    judgement = SimpleNamespace(noise=SimpleNamespace(blocks=blocks))
-    fit = SimpleNamespace(explained=explained, at_least=at_least)
+def test_an_error_in_proportion_beside_what_was_named_is_no_noise(
+    kappa, explained, at_least, quantity, base, beyond
+):
+    key = ("speed-motion", False, quantity, "arm", "tangential", 1.0, 1000.0)
+    judgement = SimpleNamespace(
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(kappa=kappa, marginal=1.0, sigma=0.8)}),
+        objective=SimpleNamespace(prepared=()),
+        base=SimpleNamespace(predictions=()),
+    )
+    block = SimpleNamespace(key=key, base=base**2)
+    fit = SimpleNamespace(explained=explained, at_least=at_least, blocks=(block,))
     assert left_in_proportion(judgement, fit, 0.6) == pytest.approx(beyond)

@@ -1,0 +1,50 @@
+"""What the first effect's form may still be off by, told by its own laws: where the best of them explain alike, by little.
+
+A further effect is not believed for what a wrong form of the first one leaves. Of the first one every law of the catalogue
+was fitted. Where they differ by hundreds of nats another might differ by as much again; where the best three differ by a
+few, the form is found as far as these recordings tell forms apart, and what is then explained by many times that is no form.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from jointscope.diagnosis.gates import ALIKE, FORMS, Comparison
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jointscope.diagnosis.adjudicate import Judged
+
+LAWS = 3  # the best of a name, whose spread is what forms matter here
+
+
+def beyond_forms(judged: Sequence[Judged], parent: Judged, against: Comparison) -> bool:
+    """Whether what a child adds to ``parent`` is many times what the best laws of the parent's names differ by.
+
+    ``False`` where only one law of them was fitted: then nothing is known of other forms.
+
+    Args:
+        against: The child against the parent.
+    """
+    if not against.witnessed:
+        return False
+    spread = spread_of_forms(judged, parent.names)
+    return spread is not None and against.gain + against.held_gain > FORMS * max(spread, ALIKE)
+
+
+def spread_of_forms(judged: Sequence[Judged], names: tuple[str, ...]) -> float | None:
+    """Nats between the best and the third best law of ``names``, the second where there are two; ``None`` of one alone."""
+    losses: dict[tuple[str, ...], float] = {}
+    for j in judged:
+        if j.names != names:
+            continue
+        laws = tuple(sorted(f"{spec.name}@{spec.location} {spec.variant}" for spec in j.hypothesis.specs))
+        loss = 0.5 * (j.chi2 + float(np.sum(j.held_out))) + j.occam + j.occam_held
+        losses[laws] = min(losses.get(laws, loss), loss)
+    if len(losses) < 2:
+        return None
+    best = sorted(losses.values())
+    return best[min(LAWS, len(best)) - 1] - best[0]
