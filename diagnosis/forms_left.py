@@ -24,7 +24,7 @@ LAWS = 3  # the best of a name, whose spread is what forms matter here
 def beyond_forms(judged: Sequence[Judged], parent: Judged, against: Comparison) -> bool:
     """Whether what a child adds to ``parent`` is many times what the best laws of the parent's names differ by.
 
-    ``False`` where only one law of them was fitted: then nothing is known of other forms.
+    ``False`` where fewer than three of them were fitted: one of two may hold the other, and nothing is known of further forms.
 
     Args:
         against: The child against the parent.
@@ -36,7 +36,7 @@ def beyond_forms(judged: Sequence[Judged], parent: Judged, against: Comparison) 
 
 
 def spread_of_forms(judged: Sequence[Judged], names: tuple[str, ...]) -> float | None:
-    """Nats between the best and the third best law of ``names``, the second where there are two; ``None`` of one alone."""
+    """Nats between the best and the third best law of ``names``; ``None`` where there are fewer."""
     losses: dict[tuple[str, ...], float] = {}
     for j in judged:
         if j.names != names:
@@ -44,7 +44,5 @@ def spread_of_forms(judged: Sequence[Judged], names: tuple[str, ...]) -> float |
         laws = tuple(sorted(f"{spec.name}@{spec.location} {spec.variant}" for spec in j.hypothesis.specs))
         loss = 0.5 * (j.chi2 + float(np.sum(j.held_out))) + j.occam + j.occam_held
         losses[laws] = min(losses.get(laws, loss), loss)
-    if len(losses) < 2:
-        return None
     best = sorted(losses.values())
-    return best[min(LAWS, len(best)) - 1] - best[0]
+    return best[LAWS - 1] - best[0] if len(best) >= LAWS else None

@@ -25,8 +25,10 @@ from jointscope.diagnosis.gates import LOST_UNREACHED, REAL_FURTHER, REAL_UNREAC
 from jointscope.diagnosis.per_run import per_run_specs
 from jointscope.diagnosis.polish import polished
 from jointscope.diagnosis.refit import unspent, with_fresh_jacobian
+from jointscope.diagnosis.rivals import grown, laws_of
 from jointscope.diagnosis.screen import screen, tangent
 from jointscope.diagnosis.search import (
+    CONTAINED,
     Effort,
     Hypothesis,
     Screening,
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
 
 FITTED = 3  # of the leading candidates
+AHEAD = 2.0  # of w'w, by which a law that contains another one explains more
 
 
 def second_look(
@@ -82,7 +85,28 @@ def second_look(
             much = against.gain > REAL_UNREACHED and against.lost < LOST_UNREACHED  # by noise that is full of it
             if against.gain > REAL_FURTHER and (against.carries_over or much):
                 found.append(judged.hypothesis)
-    return found
+    return [*found, *_wider(judgement, parent, specs, effort)]
+
+
+def _wider(
+    judgement: Judgement, parent: Hypothesis, specs: Sequence[EffectSpec], effort: Effort
+) -> list[Hypothesis]:
+    """The law that contains a single effect's, begun from that effect's own numbers, where it explains more.
+
+    Which of its forms an effect has may turn out late; the wider law's fits were begun beside another one then, and what
+    holds the narrower law explains at least as much.
+    """
+    wider = {outer for inner, outer in CONTAINED if parent.specs and inner == parent.specs[0].name}
+    if len(parent.specs) != 1 or not wider:
+        return []
+    objective = judgement.objective
+    place = parent.specs[0].location
+    laws = [s for s in specs if s.name in wider and s.location == place]
+    ahead = {
+        laws_of(j.hypothesis.specs) for j in judgement.judged if j.hypothesis.fit.chi2 < parent.fit.chi2 - AHEAD
+    }
+    found = grown(objective, judgement.base.fit, parent, candidates_for(objective.problem, laws), effort, ahead)
+    return [h for h in found if h.fit.chi2 < parent.fit.chi2 - AHEAD]
 
 
 def _runs_of(before: Screening, objective: Objective) -> tuple[Objective, NDArray[np.intp]]:

@@ -31,19 +31,20 @@ def of_laws(*behind):
 
 @pytest.mark.parametrize(
     ("behind", "spread"),
-    [((0.0,), None), ((0.0, 7.0), 7.0), ((0.0, 7.0, 30.0, 900.0), 30.0)],
+    [((0.0,), None), ((0.0, 7.0), None), ((0.0, 7.0, 30.0, 900.0), 30.0)],
 )
 def test_the_spread_is_that_of_the_best_three(behind, spread):
     assert spread_of_forms(of_laws(*behind), PARENT.names) == spread
 
 
 def test_the_same_law_from_another_start_is_no_other_form():
-    assert spread_of_forms([fitted(0.0, "damped"), fitted(2.0, "damped")], PARENT.names) is None
+    again = [fitted(0.0, "damped"), fitted(2.0, "damped"), fitted(3.0, "sheds")]
+    assert spread_of_forms(again, PARENT.names) is None
 
 
 def test_laws_of_another_name_are_no_forms_of_it():
-    judged = [*of_laws(0.0, 7.0), fitted(0.5, "smooth", name="stiffness-nonlinearity")]
-    assert spread_of_forms(judged, PARENT.names) == 7.0
+    judged = [*of_laws(0.0, 7.0, 9.0), fitted(0.5, "smooth", name="stiffness-nonlinearity")]
+    assert spread_of_forms(judged, PARENT.names) == 9.0
 
 
 @pytest.mark.parametrize(
@@ -51,7 +52,7 @@ def test_laws_of_another_name_are_no_forms_of_it():
     [
         ((0.0, 2.0, 20.0), True),  # 135 nats beside forms that differ by 20
         ((0.0, 2.0, 60.0), False),  # by 60: another form might do as much
-        ((0.0,), False),  # of one law nothing is known of others
+        ((0.0, 0.0), False),  # of two laws one may hold the other
     ],
 )
 def test_what_is_added_must_be_many_times_that(behind, believed):
