@@ -44,7 +44,9 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
 
 FITTED = 3  # of the leading candidates
-AHEAD = 2.0  # of w'w, by which a law that contains another one explains more
+AHEAD = (
+    40.0  # of w'w, by which a law that contains another one explains clearly more: what its form leaves is less
+)
 
 
 def second_look(

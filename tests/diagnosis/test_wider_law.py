@@ -25,7 +25,7 @@ def test_the_law_that_contains_a_single_effect_is_begun_from_it_and_kept_where_i
     parent = hypothesis(tuple(SimpleNamespace(name=n, location="load") for n in names), 1000.0)
     laws = [SimpleNamespace(name="stribeck-friction", location=place) for place in ("load", "motor")]
     asked = []
-    more, no_more = hypothesis((laws[0],), 980.0), hypothesis((laws[0],), 999.5)
+    more, no_more = hypothesis((laws[0],), 950.0), hypothesis((laws[0],), 970.0)
     monkeypatch.setattr(second_look, "candidates_for", lambda problem, specs: asked.extend(specs))
     monkeypatch.setattr(second_look, "grown", lambda *_: [more, no_more])
     judgement = SimpleNamespace(objective=SimpleNamespace(problem=None), base=SimpleNamespace(fit=None), judged=())
