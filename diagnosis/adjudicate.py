@@ -309,7 +309,10 @@ def _unheard(judgement: Judgement, child: Judged, parent: Judged) -> bool:
 
 
 def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judged]) -> bool:
-    """Whether an order picked out of hundreds, or a place out of all of a travel, gains more than the best by chance."""
+    """Whether an order picked out of hundreds, or a place out of all of a travel, gains more than the best by chance.
+
+    An order's gain on fitted and held-out runs counts together; a place's, which many of them never come to, does not.
+    """
     asked = {f"{s.name}@{s.location}": REAL_PICKED for s in child.hypothesis.specs if s.family == "periodic"}
     asked |= {f"{s.name}@{s.location}": REAL_PLACE for s in child.hypothesis.specs if s.local}
     for part in parts:
@@ -317,10 +320,9 @@ def _beyond_the_search(judgement: Judgement, child: Judged, parts: Sequence[Judg
         if not picked:
             continue
         found, most = compare(judgement, part, child), max(picked)
-        unseen = found.held_gain > most  # no search saw the held-out runs
-        if most <= REAL_PICKED and found.held_gain > TELLING:
-            unseen = unseen or found.gain + found.held_gain > most
-        if found.gain <= most and not (found.gain > REAL and unseen):
+        unseen = found.held_gain  # by runs that no search saw
+        told = unseen > most or (most == REAL_PICKED and unseen > TELLING and found.gain + unseen > most)
+        if found.gain <= most and not (found.gain > REAL and told):
             return False
     return True
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.gates import ALIKE, FORMS, Comparison
+from jointscope.diagnosis.search import name_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,11 +38,11 @@ def beyond_forms(judged: Sequence[Judged], parent: Judged, against: Comparison) 
 
 def spread_of_forms(judged: Sequence[Judged], names: tuple[str, ...]) -> float | None:
     """Nats between the best and the third best law of ``names``; ``None`` where there are fewer."""
-    losses: dict[tuple[str, ...], float] = {}
+    losses: dict[tuple[tuple[str, str], ...], float] = {}
     for j in judged:
         if j.names != names:
             continue
-        laws = tuple(sorted(f"{spec.name}@{spec.location} {spec.variant}" for spec in j.hypothesis.specs))
+        laws = tuple(sorted((name_of(spec), spec.variant) for spec in j.hypothesis.specs))
         loss = 0.5 * (j.chi2 + float(np.sum(j.held_out))) + j.occam + j.occam_held
         losses[laws] = min(losses.get(laws, loss), loss)
     best = sorted(losses.values())

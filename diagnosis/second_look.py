@@ -44,9 +44,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Objective
 
 FITTED = 3  # of the leading candidates
-AHEAD = (
-    40.0  # of w'w, by which a law that contains another one explains clearly more: what its form leaves is less
-)
+AHEAD = 40.0  # of w'w, by which a law that contains another one must explain more
 
 
 def second_look(
@@ -98,17 +96,16 @@ def _wider(
     Which of its forms an effect has may turn out late; the wider law's fits were begun beside another one then, and what
     holds the narrower law explains at least as much.
     """
-    wider = {outer for inner, outer in CONTAINED if parent.specs and inner == parent.specs[0].name}
-    if len(parent.specs) != 1 or not wider:
+    if len(parent.specs) != 1:
         return []
-    objective = judgement.objective
-    place = parent.specs[0].location
-    laws = [s for s in specs if s.name in wider and s.location == place]
-    ahead = {
-        laws_of(j.hypothesis.specs) for j in judgement.judged if j.hypothesis.fit.chi2 < parent.fit.chi2 - AHEAD
-    }
-    found = grown(objective, judgement.base.fit, parent, candidates_for(objective.problem, laws), effort, ahead)
-    return [h for h in found if h.fit.chi2 < parent.fit.chi2 - AHEAD]
+    (narrow,), objective = parent.specs, judgement.objective
+    wider = [s for s in specs if (narrow.name, s.name) in CONTAINED and s.location == narrow.location]
+    if not wider:
+        return []
+    most = parent.fit.chi2 - AHEAD
+    known = {laws_of(j.hypothesis.specs) for j in judgement.judged if j.fit.chi2 < most}
+    found = grown(objective, judgement.base.fit, parent, candidates_for(objective.problem, wider), effort, known)
+    return [h for h in found if h.fit.chi2 < most]
 
 
 def _runs_of(before: Screening, objective: Objective) -> tuple[Objective, NDArray[np.intp]]:
