@@ -6,6 +6,7 @@ _CARRIERS = ("sliding-mount", "carrier", "sliding-mount-turned", "carrier-turned
 FREER = {  # by variant, the laws of more parameters that start where it was found
     "turning-mount": _CARRIERS,
     "sliding-mount": _CARRIERS[1:],
+    "carrier": _CARRIERS[2:],
     "sliding-mount-turned": (*_CARRIERS[:2], "carrier-turned"),
     "rounded": ("rounded-asymmetric", "rounded-algebraic"),
     "rounded-asymmetric": ("rounded-algebraic",),

@@ -12,7 +12,7 @@ from jointscope.diagnosis.assembly import observer_corner
 from jointscope.diagnosis.errors import rms
 from jointscope.diagnosis.noise import ANGULAR
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
-from jointscope.diagnosis.run_preparation import INVERSE_CORNER
+from jointscope.diagnosis.prescribed_path import INVERSE_CORNER
 from jointscope.diagnosis.wind_up import WIND_UP
 
 if TYPE_CHECKING:

@@ -9,6 +9,11 @@ from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.effects.periodic import PHASES
 from jointscope.diagnosis.twins import on_the_other_side
 
+WAYS = (
+    "direction",
+    "eccentricity",
+)  # in each of which a carrier is tried, as nothing found in one posture tells them
+
 
 def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[ActiveEffect]:
     """Trials of each law with the leader's values of all parameters that both have: a mode stays where it was found."""
@@ -30,7 +35,7 @@ def same_numbers(trials: Sequence[ActiveEffect], leader: ActiveEffect) -> list[A
             values = _as_play(known, keys) or tuple(
                 known.get(key, value) for key, value in zip(keys, trial.values, strict=True)
             )
-            ways = tuple(v for (name, _), v in zip(keys, trial.values, strict=True) if name == "direction")
+            ways = tuple(v for (name, _), v in zip(keys, trial.values, strict=True) if name in WAYS)
             found.setdefault((id(trial.spec), ways), ActiveEffect(trial.spec, values))
             if trial.spec.family == "periodic" and trial.spec.name != leader.spec.name:
                 for turn in PHASES:  # an angle's phase is not that of a torque with the same response

@@ -11,6 +11,7 @@ import numpy as np
 from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.models.parameters import STANDARD_GRAVITY
+from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
@@ -23,8 +24,11 @@ OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
 
 
 def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
+    """Whether a torque or force is known in SI anywhere: what drives a run, or what answers a motion that is prescribed."""
     return any(
-        (run.load is not None and run.load.calibrated) or (run.motor is not None and run.motor.calibrated)
+        (run.load is not None and run.load.calibrated)
+        or (run.motor is not None and run.motor.calibrated)
+        or any(o.calibrated and o.quantity in FORCES for o in run.outputs)
         for run in runs
     )
 
@@ -61,7 +65,10 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         elif rig.arm_mass is not None and rig.arm_com_radius is not None:
             weight = rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius
         else:
-            gravity_free = any(run.motor is not None or run.command is not None for run in runs) and swung
+            given = any(run.mode == "prescribed-load" for run in runs)
+            gravity_free = (
+                given or any(run.motor is not None or run.command is not None for run in runs)
+            ) and swung
     # the torque's way to the arm is known once an inertia is absolute: the arm's by a hammer, or the motor's where its
     # own motion shows resonance and antiresonance, which give the ratio of the two
     swept = exact and any(

@@ -149,7 +149,7 @@ def inverse_force(
 ) -> tuple[Vector, Vector] | None:
     """(recorded, modelled) force of a single-dof run along its recorded motion, on the simulation grid [N m or N].
 
-    The motion is low-passed at ``prepare.INVERSE_CORNER`` with zero phase before it is differentiated, the recorded
+    The motion is low-passed at ``prescribed_path.INVERSE_CORNER`` with zero phase before it is differentiated, the recorded
     force alike; then both forces once more at the observer's corner (:func:`observer_corner`), up to which the fit
     weighs force errors alike. ``None`` where the run has no observed angle or the rig is not a single free inertia.
     """
@@ -159,7 +159,7 @@ def inverse_force(
 
     if run.observed is None or run.observed.rate_signal or run.motor_moves or run.spring:
         return None
-    from jointscope.diagnosis.run_preparation import INVERSE_CORNER
+    from jointscope.diagnosis.prescribed_path import INVERSE_CORNER
 
     half = run.t0 + np.arange(2 * run.steps + 1) / (2.0 * run.grid_rate)
     sections = butter(4, INVERSE_CORNER, fs=2.0 * run.grid_rate, output="sos")

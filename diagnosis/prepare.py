@@ -10,8 +10,9 @@ from dataclasses import replace
 from jointscope.diagnosis.drive_angle import DriveLaw, drive_law
 from jointscope.diagnosis.inputs import torque_logs
 from jointscope.diagnosis.parameters import base_spec
+from jointscope.diagnosis.prescribed_path import INVERSE_CORNER
 from jointscope.diagnosis.problem import BaseSpec, Observed, Output, PreparedRun, Problem, Scales
-from jointscope.diagnosis.run_preparation import DRIFT_CORNER, INVERSE_CORNER, prepare_run, without_outputs
+from jointscope.diagnosis.run_preparation import DRIFT_CORNER, prepare_run, without_outputs
 from jointscope.diagnosis.sizes import unit_scales
 from jointscope.diagnosis.starts import finished
 from jointscope.errors import RefusedError

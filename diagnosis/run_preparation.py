@@ -7,13 +7,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.assembly import OBSERVER_HZ, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.drive_angle import DriveLaw, followed_angle
 from jointscope.diagnosis.inputs import Drive, Log, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
+from jointscope.diagnosis.prescribed_path import prescribed_path
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
 from jointscope.diagnosis.turned import turned
@@ -30,7 +30,6 @@ SETTLING = 0.5  # s left out at the start of a run whose initial state is unknow
 COARSE = (
     0.5  # of a signal's dynamic rms: steps of a recorder above which its error follows the signal and is no noise
 )
-INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
 
 
 def prepare_run(
@@ -85,8 +84,10 @@ def prepare_run(
     command_half = zeros if command is None else command.signal(half)
     observed_half = zeros if observed is None else observed.signal(half)
     if prescribed is not None:
-        path = _path(prescribed, rig, half)
-        observed_half, command_half, motor_half = path
+        n = gearing(prescribed.channel.quantity, prescribed.channel.location, rig.reduction_ratio or 1.0)
+        observed_half, command_half, motor_half = prescribed_path(
+            prescribed.samples / n, prescribed.sampling_rate, prescribed.stream.start, half
+        )
     prepared = PreparedRun(
         run=run,
         index=index,
@@ -384,12 +385,3 @@ def _motor_zero(recorded: list[Signal], rig: Nameplate, run: Run) -> float:
             n = gearing(signal.channel.quantity, "motor", rig.reduction_ratio or 1.0)
             return _first(np.asarray(signal.samples, dtype=np.float64)) / n - run.arm_angle
     return 0.0
-
-
-def _path(signal: Signal, rig: Nameplate, half: Vector) -> tuple[Vector, Vector, Vector]:
-    """A prescribed motion and its first two derivatives at half steps, after a zero-phase low-pass."""
-    n = gearing(signal.channel.quantity, signal.channel.location, rig.reduction_ratio or 1.0)
-    rate = signal.sampling_rate
-    smooth = sosfiltfilt(butter(4, min(INVERSE_CORNER, 0.2 * rate), fs=rate, output="sos"), signal.samples / n)
-    path = bandlimited(smooth, rate, signal.stream.start)
-    return path(half), path(half, 1), path(half, 2)

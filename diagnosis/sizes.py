@@ -12,6 +12,7 @@ from jointscope.diagnosis.assembly import BASE_INDEX, OBSERVER_HZ
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.predict import build, integrate
 from jointscope.diagnosis.problem import Scales
+from jointscope.recordings.campaign import FORCES
 from jointscope.recordings.drift import drift_free
 
 if TYPE_CHECKING:
@@ -32,6 +33,14 @@ def _where_known(run: PreparedRun, q: Vector) -> Vector:
     return drift_free(q, OBSERVER_HZ, run.grid_rate) if adrift else q
 
 
+def _driving(run: PreparedRun) -> float:
+    """What drives a rigid axis at most [N m or N]: as recorded, where its motion is what was prescribed."""
+    if run.mode == "prescribed-load":
+        forces = [(o.radius or 1.0) * np.max(np.abs(o.data)) for o in run.outputs if o.quantity in FORCES]
+        return float(max(forces, default=0.0))
+    return float(np.max(np.abs(run.load_half + run.motor_half)))
+
+
 def typical_sizes(problem: Problem, base: Vector) -> Scales:
     """Typical sizes over all runs, from the base model at the parameters ``base``, shape (n_theta,)."""
     peak = dict.fromkeys(
@@ -48,7 +57,7 @@ def typical_sizes(problem: Problem, base: Vector) -> Scales:
         delta = states[:, kernel.X_QS] - states[:, kernel.X_Q]
         q = _where_known(run, states[:, kernel.X_Q])
         found = {
-            "torque": np.ptp(spring) / 2.0 if run.spring else np.max(np.abs(run.load_half + run.motor_half)),
+            "torque": np.ptp(spring) / 2.0 if run.spring else _driving(run),
             "wind_up": np.ptp(delta) / 2.0,
             "rate": np.max(np.abs(states[:, kernel.X_VS] - states[:, kernel.X_V])),
             "speed": np.max(np.abs(states[:, kernel.X_V])),

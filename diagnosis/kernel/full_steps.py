@@ -69,9 +69,9 @@ def simulate_full(
     sl = 1 if x[3] > 0.0 else (-1 if x[3] < 0.0 else 0)
     for k in range(n):
         if S[LOAD_PRESCRIBED]:
-            sl = 1 if w[2 * k] > 0.0 else -1
+            sl = 1 if w[2 * k] > 0.0 else (-1 if w[2 * k] < 0.0 else 0)
         if S[MOTOR] == MOTOR_PRESCRIBED:
-            sm = 1 if w[2 * k] > 0.0 else -1
+            sm = 1 if w[2 * k] > 0.0 else (-1 if w[2 * k] < 0.0 else 0)
         s, target, pending, part = 0.0, 1.0, 0, 1.0
         if play:
             mem[MEM_SEAT] = flank_of(windup_of(x, P, S, y[2 * k]) - centre, half)

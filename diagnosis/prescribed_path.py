@@ -1,0 +1,46 @@
+"""A motion that is prescribed by its record: the angle, its speed and its acceleration, and where it stands still.
+
+A recorded angle with white noise of standard deviation s, low-passed at f_c and differentiated, has a speed with noise
+s_v = 2 pi s sqrt(2 f_c^3/(3 f_s)), f_s its sampling rate. Where the axis rests, what is left of the speed is that noise, and
+dry friction that reversed with it would be a force of +-T of which the recording shows nothing. So a speed that does not stand
+out of its own noise is none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from jointscope.diagnosis.input_noise import white_part
+from jointscope.diagnosis.recorder_step import recorder_step
+from jointscope.recordings.bandlimited import bandlimited
+
+Vector = NDArray[np.float64]
+
+INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
+STANDS_OUT = 4.0  # times its noise's standard deviation, from which on a speed is one
+
+
+def prescribed_path(samples: Vector, rate: float, start: float, half: Vector) -> tuple[Vector, Vector, Vector]:
+    """Angle [rad or m] at the times ``half``, and its first two derivatives, after a zero-phase low-pass; shapes of ``half``.
+
+    Args:
+        samples: As recorded, at the joint output, shape (n,).
+        rate: Of the record [Hz].
+        start: Time of its first sample [s].
+        half: Times [s].
+    """
+    corner = min(INVERSE_CORNER, 0.2 * rate)
+    path = bandlimited(sosfiltfilt(butter(4, corner, fs=rate, output="sos"), samples), rate, start)
+    speed = path(half, 1)
+    least = STANDS_OUT * speed_noise(samples, rate, corner)
+    return path(half), np.where(np.abs(speed) < least, 0.0, speed), path(half, 2)
+
+
+def speed_noise(samples: Vector, rate: float, corner: float) -> float:
+    """Standard deviation of the noise in the speed of a recorded angle, shape (n,), low-passed at ``corner`` [per s]."""
+    own = max(white_part(samples), recorder_step(samples) / math.sqrt(12.0))
+    return 2.0 * math.pi * own * math.sqrt(2.0 * corner**3 / (3.0 * rate))
