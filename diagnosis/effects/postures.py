@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 APART = 0.2  # rad between two postures that tell
 NEXT_TO_NOTHING = 0.05  # of kappa + cos below which the levers would grow without bound
-FAR = 15.0  # kappa of an axis that lies alike in every posture, which is where the laws of one posture are
+ON_AXIS = 15.0  # kappa of an axis beside the joint's own, which moves the arm alike in every posture: as the laws of one do
 _DIRECTIONS = (0.0, math.pi / 3.0, -math.pi / 3.0)
 
 
@@ -100,7 +100,7 @@ def _specs() -> tuple[EffectSpec, ...]:
         law="a neighbour that carries the joint turns about a parallel axis, which lies differently in each posture",
         look_alikes=("link-flexibility", "base-compliance", "sensor-resonance", "structural-damping"),
         starts=lambda problem: tuple(
-            (*start, kappa) for kappa in (0.5, FAR) for start in mount.starts(problem)[::7]
+            (*start, kappa) for kappa in (0.5, ON_AXIS) for start in mount.starts(problem)[::7]
         ),
         residual_starts=None,
     )

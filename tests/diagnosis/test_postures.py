@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
+from jointscope.diagnosis.candidates import candidates_for
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.effects.postures import NEXT_TO_NOTHING
+from jointscope.diagnosis.effects.postures import NEXT_TO_NOTHING, ON_AXIS
+from jointscope.diagnosis.freer import FREER
+from jointscope.diagnosis.lent import same_numbers
 from jointscope.diagnosis.predict import build, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 
@@ -60,6 +63,22 @@ def test_a_carrier_far_from_its_axis_slides_and_one_on_its_axis_turns_in_every_p
         near = build(run, theta, (ActiveEffect(spec, (20.0, 0.1, 0.02, 0.7, 0.0, 50.0)),), postures).P
         assert near[k.BASE_SHARE] == pytest.approx(0.1, rel=0.02)
         assert near[k.BASE_TURN] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_carrier_of_one_posture_is_sought_in_all_from_where_every_posture_moves_alike(postures):
+    """A law of one posture has no directions: from its base, an axis in a wrong place was further off than no carrier."""
+    spec, one = spec_of(postures, "carrier-turned"), spec_of(postures, "carrier")
+    assert spec.variant in FREER[one.variant]
+    found = ActiveEffect(one, (22.0, 0.2, 0.03, 0.9))
+    lent = same_numbers(candidates_for(postures, (spec,)), found)
+    assert {(a.values[0], a.values[1], a.values[2]) for a in lent} == {(22.0, 0.2, 0.03)}
+    assert {a.values[5] for a in lent} == {0.5, ON_AXIS}
+    assert len({a.values[4:] for a in lent}) == len(lent) == 6
+    alike = next(a for a in lent if a.values[4:] == (0.0, ON_AXIS))
+    for run in postures.runs:
+        P = build(run, postures.base.start, (alike,), postures).P
+        assert P[k.BASE_SHARE] == pytest.approx(0.2, rel=0.13)
+        assert P[k.BASE_TURN] == pytest.approx(1.0, abs=0.07)
 
 
 @pytest.mark.parametrize("distance", [None, 0.25, 1.1])
