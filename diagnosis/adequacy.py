@@ -303,7 +303,7 @@ def adequacy(
     for run, old, new in zip(runs, before, after, strict=True):
         for output, a, b in zip(run.outputs, old, new, strict=True):
             # what a drive answers is its own law's affair, not the joint's
-            if dynamic_level(output) > 0.0 and output.quantity not in FORCES:
+            if dynamic_level(output) > 0.0 and (output.quantity not in FORCES or run.takes(output)):
                 table.setdefault(block_key(run, output), []).append((run, _take(run, output, a, b)))
     blocks = []
     for key, rows in table.items():

@@ -75,7 +75,12 @@ class Varying:
 
 
 def varying(judgement: Judgement, judged: Judged) -> tuple[Varying, ...]:
-    """Every free parameter of the joint, by how clearly runs differ in it, over fitted and held-out runs."""
+    """Every free parameter of the joint, by how clearly runs differ in it, over fitted and held-out runs.
+
+    None of prescribed motions: what their records' noise takes off a parameter hangs on how far each run moves.
+    """
+    if any(run.mode.startswith("prescribed") for run in judgement.objective.prepared):
+        return ()
     where, x = judged.fit.coordinates, judged.fit.x
     base = judgement.objective.problem.base
     theta, _ = where.unpack(x)

@@ -288,11 +288,11 @@ def _at_sensor(states: Vector, assembly: Assembly, run: PreparedRun, output: Out
         return np.asarray(states[:, kernel.X_QS] - states[:, kernel.X_Q])
     if quantity in ("angular-velocity", "velocity"):
         return np.asarray(states[:, v] * n if motor else states[:, v])
-    if quantity in FORCES and run.mode != "prescribed-load":
+    if quantity in FORCES and run.mode == "prescribed-load":
+        return np.asarray(states[:, kernel.X_TEXT] / (output.radius or 1.0))
+    if quantity in FORCES:
         column = states[:, kernel.X_TEXT if run.mode == "prescribed-motor" else kernel.X_TAU]
         return np.asarray(column / assembly.drive_factor)
-    if quantity == "force":
-        return np.asarray(states[:, kernel.X_TEXT] / (output.radius or 1.0))
     if motor:
         return np.asarray(states[:, a] * n)
     acceleration = states[:, kernel.X_A]

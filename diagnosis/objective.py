@@ -48,7 +48,8 @@ class Predict(Protocol):
 
 def _finite(y: Vector) -> bool:
     """Whether every sample is: the squares' sum says so, but where they are too large for one."""
-    return math.isfinite(float(y @ y)) or bool(np.all(np.isfinite(y)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return math.isfinite(float(y @ y)) or bool(np.all(np.isfinite(y)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate beyond which a start that no hit gave is not believed
 ZERO_OFF = 0.03  # of the largest logged torque, by which the zero of a calibrated log may be off
-AGE = 2e-5  # s by which a torque may act beside its log's clock: a multiplexed converter reads its channels so far apart
+AGE = 6.25e-5  # s by which a torque may act beside its log's clock: one cycle of a drive's current loop at 16 kHz
 OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
 
 
@@ -43,6 +43,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     from jointscope.diagnosis.problem import BaseSpec
 
     moving = any(run.motor_moves for run in runs)
+    answered = moving or any(run.answers for run in runs)
     driven = any(run.motor is not None for run in runs)
     swung = any(run.mode != "braked" for run in runs)
     springs = any(run.spring for run in runs)
@@ -103,8 +104,8 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         "stiffness": springs,
         "damping": springs,
         "load_inertia": True,
-        "motor_inertia": moving and not exact,
-        "motor_damping": moving,
+        "motor_inertia": answered and not exact,
+        "motor_damping": answered,
         "load_damping": swung,
         "gravity_moment": gravity_free,
         "efficiency": efficiency_free,
@@ -168,7 +169,7 @@ def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate
     joint's: where one of them only is stated, the other keeps the ratio. A hit gives both, whatever the nameplate says: its
     figures are starts, never bounds.
     """
-    if any(run.mode == "braked" for run in runs):
+    if any(run.mode == "braked" for run in runs) or not torque_calibrated(runs):
         return base
     stated = stated_figures(rig)
     apart = {name: value / base.start[BASE_INDEX[name]] for name, value in stated.items()}
@@ -204,7 +205,7 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
         "torque_scale": b["torque_scale"],
         # its difference is taken of the whole torque: friction holds against less
         "torque_offset": max(largest, carried, 1e-12),
-        "torque_age": 1e-3,
+        "torque_age": 2e-3,
         "drive_gain": b["drive_gain"],
         "drive_integral": max(b["drive_integral"], b["drive_gain"]),
         "drive_acceleration": b["motor_inertia"] + b["load_inertia"],
@@ -217,7 +218,10 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     for name in ("stiffness", "load_inertia", "motor_inertia", "torque_scale", "efficiency", "drive_gain"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = 0.02 * base.start[i], 50.0 * base.start[i]
-    if not any(run.mode == "braked" for run in runs) and rig.inertia_reference is not None:
+    weighed = torque_calibrated(runs) and not any(run.mode == "braked" for run in runs)
+    if (
+        weighed and rig.inertia_reference is not None
+    ):  # in SI only: per unit of an unknown input it may be anything
         i = BASE_INDEX["load_inertia"]
         lower[i], upper[i] = rig.inertia_reference / MAKERS_FIGURE, rig.inertia_reference * MAKERS_FIGURE
     upper[BASE_INDEX["efficiency"]] = 2.0

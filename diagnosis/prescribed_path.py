@@ -9,6 +9,9 @@ out of its own noise is none.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +20,15 @@ from scipy.signal import butter, sosfiltfilt
 from jointscope.diagnosis.input_noise import white_part
 from jointscope.diagnosis.recorder_step import recorder_step
 from jointscope.recordings.bandlimited import bandlimited
+from jointscope.recordings.campaign import FORCES
+
+if TYPE_CHECKING:
+    from jointscope.diagnosis.problem import Output
 
 Vector = NDArray[np.float64]
 
 INVERSE_CORNER = 60.0  # Hz; low-pass of a prescribed or recorded motion before it is differentiated
+WHOLLY = 0.99  # moving, between two times of the grid
 STANDS_OUT = 4.0  # times its noise's standard deviation, from which on a speed is one
 
 
@@ -38,6 +46,20 @@ def prescribed_path(samples: Vector, rate: float, start: float, half: Vector) ->
     speed = path(half, 1)
     least = STANDS_OUT * speed_noise(samples, rate, corner)
     return path(half), np.where(np.abs(speed) < least, 0.0, speed), path(half, 2)
+
+
+def where_it_moves(outputs: Sequence[Output], half: Vector, speed: Vector) -> tuple[Output, ...]:
+    """The outputs of a rigid axis with its forces scored in motion only: at rest dry friction bears what it is asked to.
+
+    Args:
+        half: Times of ``speed`` [s], shape (n,).
+        speed: 0 where the axis rests [rad/s or m/s], shape (n,).
+    """
+    moves = (speed != 0.0).astype(np.float64)
+    return tuple(
+        replace(o, mask=o.mask & (np.interp(o.times, half, moves) > WHOLLY)) if o.quantity in FORCES else o
+        for o in outputs
+    )
 
 
 def speed_noise(samples: Vector, rate: float, corner: float) -> float:

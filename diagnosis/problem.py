@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.assembly import BASE_NAMES, OBSERVER_HZ
 from jointscope.diagnosis.inputs import Drive
 from jointscope.recordings.bandlimited import Bandlimited
-from jointscope.recordings.campaign import Nameplate, Run
+from jointscope.recordings.campaign import FORCES, Nameplate, Run
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.drive_angle import DriveLaw
@@ -163,6 +163,20 @@ class PreparedRun:
     outputs: tuple[Output, ...]
     declared: tuple[Output, ...] = ()
     offsets: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the motor turns: as a degree of freedom, or as its record prescribes."""
+        return self.motor_moves or self.mode == "prescribed-motor"
+
+    def takes(self, output: Output) -> bool:
+        """Whether ``output`` is the force that a prescribed motion took: the rig's answer, and not its drive's."""
+        return self.mode.startswith("prescribed") and output.quantity in FORCES
+
+    @property
+    def answers(self) -> bool:
+        """Whether the motor's torque is what a prescribed motion of it took, and is compared."""
+        return self.mode == "prescribed-motor" and any(self.takes(output) for output in self.outputs)
 
     @property
     def time(self) -> Vector:

@@ -13,7 +13,7 @@ from jointscope.diagnosis.channels import ACCELERATIONS, high_pass
 from jointscope.diagnosis.drive_angle import DriveLaw, followed_angle
 from jointscope.diagnosis.inputs import Drive, Log, load_torque, motor_torque, speed_command, without_noise
 from jointscope.diagnosis.noise import dynamic_level, quantum
-from jointscope.diagnosis.prescribed_path import prescribed_path
+from jointscope.diagnosis.prescribed_path import prescribed_path, where_it_moves
 from jointscope.diagnosis.problem import Mode, Observed, Output, PreparedRun
 from jointscope.diagnosis.resolution import TAIL, thinned, where_resolved
 from jointscope.diagnosis.turned import turned
@@ -88,6 +88,7 @@ def prepare_run(
         observed_half, command_half, motor_half = prescribed_path(
             prescribed.samples / n, prescribed.sampling_rate, prescribed.stream.start, half
         )
+        outputs = outputs if spring else where_it_moves(outputs, half, command_half)
     prepared = PreparedRun(
         run=run,
         index=index,

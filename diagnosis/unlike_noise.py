@@ -35,7 +35,7 @@ def _error_sizes(fit: Adequacy) -> dict[Key, float]:
 
 
 def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
-    """Largest error of an accelerometer that grows with its signal [-]: no noise does so beyond a few per cent.
+    """Largest error of an accelerometer, or of what a prescribed motion takes, that grows with its signal [-]: no noise does.
 
     A record that is noise for the most part has an envelope of noise, and says nothing of it where that noise is white and,
     in hits, does not fade as they do.
@@ -46,11 +46,12 @@ def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
         for run, predicted in zip(judgement.objective.prepared, judgement.base.predictions, strict=True)
         for key in fades(run, predicted)
     }
+    taken = {block_key(r, o) for r in judgement.objective.prepared for o in r.outputs if r.takes(o)}
     return max(
         (
             n.kappa
             for key, n in blocks
-            if key[2] in ACCELERATIONS
+            if (key[2] in ACCELERATIONS or key in taken)
             and (sizes.get(key, 0.0) < MOSTLY or n.marginal > WHITE * n.sigma or key in fading)
         ),
         default=0.0,

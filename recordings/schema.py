@@ -183,7 +183,7 @@ def _check_table(table: Table, keys: Mapping[str, Key], file: Path, where: str) 
     for name, value in table.items():
         if name not in keys:
             raise CampaignError(
-                file, prefix + name, "unknown key", value=_short(value), fix=f"known here: {', '.join(keys)}"
+                file, prefix + name, "unknown key", value=_short(value), fix=_where_known(name, keys)
             )
         problem = _problem(keys[name], value)
         if problem:
@@ -192,6 +192,13 @@ def _check_table(table: Table, keys: Mapping[str, Key], file: Path, where: str) 
         if key.required and name not in table:
             choices = f" ({' | '.join(key.choices)})" if key.choices else ""
             raise CampaignError(file, prefix + name, "missing", fix=f"it is required{choices}")
+
+
+def _where_known(name: str, keys: Mapping[str, Key]) -> str:
+    """Which table a key that is out of place belongs to; else what is known where it was found."""
+    tables = {"[rig]": RIG, "[[run]]": RUN, "[[run.stream]]": STREAM, "a channel": CHANNEL}
+    homes = [table for table, known in tables.items() if name in known]
+    return f"it belongs to {' or '.join(homes)}" if homes else f"known here: {', '.join(keys)}"
 
 
 def _short(value: object) -> object:

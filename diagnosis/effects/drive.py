@@ -18,9 +18,9 @@ from jointscope.diagnosis.effects.spec import (
     ParameterSpec,
     Values,
     beyond_calibration,
-    lasts,
     needs_motor_torque,
     one_start,
+    outlasts_a_cycle,
 )
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ SPECS: tuple[EffectSpec, ...] = (
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=starts,
             holds=("torque_age",),
-            sensible=lasts,
+            sensible=outlasts_a_cycle,
             possible=_lag_possible,
         )
         for variant, apply, law, further, starts in (

@@ -18,10 +18,10 @@ from jointscope.diagnosis.effects.spec import (
     EffectSpec,
     ParameterSpec,
     Values,
-    lasts,
     needs_motor_torque,
     needs_two_clocks,
     one_start,
+    outlasts_a_cycle,
 )
 from jointscope.diagnosis.folded import folded_line
 from jointscope.diagnosis.wind_up import WIND_UP
@@ -165,7 +165,7 @@ SPECS: tuple[EffectSpec, ...] = (
             scale=lambda problem: (1e-4, 5e-4, 2e-3),
             starts=one_start,
             holds=holds,
-            sensible=lasts,
+            sensible=outlasts_a_cycle,
             possible=possible,
         )
         for variant, law, look_alikes, apply, holds, possible in (

@@ -24,6 +24,7 @@ Family = Literal[
 ]  # fmt: skip
 Values = tuple[float, ...]
 Vector = NDArray[np.float64]
+IN_TURN = 2e-5  # s between the channels of a multiplexed converter
 CALIBRATED_TO = 0.0025  # to which a torque constant or a sensitivity is known at the very best
 
 
@@ -167,7 +168,12 @@ def beyond_calibration(values: Values) -> bool:
 
 
 def lasts(values: Values) -> bool:
-    """Whether a time is longer than a recorder leaves open: channels sampled in turn, holds and filters are not exact to less."""
+    """Whether a sensor's time is longer than a recorder leaves open: channels sampled in turn and filters are not exact to less."""
+    return abs(values[0]) > IN_TURN
+
+
+def outlasts_a_cycle(values: Values) -> bool:
+    """Whether a time between a drive's log and its torque is longer than a cycle of its current loop."""
     return abs(values[0]) > AGE
 
 
@@ -180,8 +186,8 @@ def one_start(problem: Problem) -> tuple[Values, ...]:
 
 
 def needs_motor(problem: Problem) -> str | None:
-    """The motor side moves in some run."""
-    if any(run.motor_moves for run in problem.runs):
+    """The motor side turns in some run."""
+    if any(run.turns for run in problem.runs):
         return None
     return "the motor is held, absent or rigidly joined in every run"
 
@@ -199,7 +205,7 @@ def needs_spring(problem: Problem) -> str | None:
 
 def needs_travel(problem: Problem) -> str | None:
     """The arm travels far enough for position to matter."""
-    if any(run.motor_moves for run in problem.runs) or any(not run.spring for run in problem.runs):
+    if any(run.turns for run in problem.runs) or any(not run.spring for run in problem.runs):
         if problem.scales.travel > 0.02:
             return None
         return f"the arm travels only {problem.scales.travel:.2g} rad"
