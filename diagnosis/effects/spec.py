@@ -168,7 +168,7 @@ def beyond_calibration(values: Values) -> bool:
 
 
 def lasts(values: Values) -> bool:
-    """Whether a sensor's time is longer than a recorder leaves open: channels sampled in turn and filters are not exact to less."""
+    """Whether a sensor's time is longer than a recorder leaves open: channels sampled in turn are not exact to less."""
     return abs(values[0]) > IN_TURN
 
 
