@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.adequacy import adequacy
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
+from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.prescribed_path import STANDS_OUT, prescribed_path, speed_noise
@@ -107,3 +109,107 @@ def test_sizes_of_a_prescribed_motion_come_from_the_force_that_was_recorded(benc
         if p.null == 0.0
     }
     assert limits["torque"] > 2.0 * FRICTION
+
+
+def test_at_rest_a_rigid_axis_is_not_scored_and_a_sprung_one_is(bench, builders):
+    """Dry friction bears at rest whatever it is asked to, up to its breakaway; a spring says its stiffness there."""
+    for run in bench.runs:
+        output = run.outputs[0]
+        well_inside = (output.times > 1.3) & (output.times < 1.7)
+        assert np.mean(output.mask[well_inside]) > 0.9
+        assert np.mean(output.mask[output.times < 0.9]) < 0.01  # but where a record begins
+    sprung = prepare(builders.campaign_of([turntable(builders)], TEST_STAND))
+    assert np.all(sprung.runs[0].outputs[0].mask[50:-50])
+
+
+TEST_STAND = Nameplate(
+    topology="single-dof", motion="rotational", plane="horizontal", ground_spring=True,
+    inertia_reference=2.0, stiffness_reference=4000.0, load_damping=9.0,
+)  # fmt: skip
+
+
+def turntable(builders, unit="N m"):
+    """An arm on a torsion spring that is turned by hand, and the torque that it takes."""
+    q, v, a = motion(0.01)
+    torque = 2.4 * a + 12.0 * v + 5200.0 * q
+    channels = (
+        builders.channel("q", "angle", "rad", "arm", "input", q),
+        builders.channel("T", "torque", unit, "arm", "output", torque),
+    )
+    return Run(
+        id="t",
+        experiment="speed-motion",
+        brake=True,
+        streams=(Stream(file="t.csv", sampling_rate=RATE, length=T.size, channels=channels),),
+    )
+
+
+def test_the_torque_at_an_arm_whose_angle_is_prescribed_is_foretold(builders):
+    """J a + b v + K q within what the low-pass takes off; it was taken for an acceleration, and foretold as none."""
+    problem = prepare(builders.campaign_of([turntable(builders)], TEST_STAND))
+    run = problem.runs[0]
+    assert run.takes(run.outputs[0]) and not run.answers
+    theta = problem.theta(load_inertia=2.4, load_damping=12.0, damping=0.0, stiffness=5200.0)
+    y = predict_outputs(run, theta, (), problem)[0]
+    assert np.std(run.outputs[0].data - y) < 2e-3 * np.std(run.outputs[0].data)
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_motor_that_turns_by_its_record_shows_what_its_turn_shows(builders, recorded):
+    """Lines and friction of the motor are possible; its damping is free where the torque that it took was recorded."""
+    q, _, _ = motion(0.5)
+    channels = [
+        builders.channel("qm", "angle", "rad", "motor", "input", 100.0 * q),
+        builders.channel("q", "angle", "rad", "arm", "output", q),
+    ]
+    if recorded:
+        channels.append(builders.channel("T", "torque", "N m", "motor", "output", 0.02 * q))
+    rig = Nameplate(
+        topology="two-inertia", motion="rotational", plane="horizontal", reduction_ratio=100.0, motor_inertia=9e-5,
+        reducer_inertia=6e-5, inertia_reference=2.4, stiffness_reference=22000.0, efficiency=0.8,
+    )  # fmt: skip
+    stream = Stream(file="m.csv", sampling_rate=RATE, length=T.size, channels=tuple(channels))
+    problem = prepare(builders.campaign_of([Run(id="m", experiment="speed-motion", streams=(stream,))], rig))
+    run = problem.runs[0]
+    assert run.mode == "prescribed-motor" and run.turns and not run.motor_moves
+    assert run.answers is recorded
+    possible = {(s.name, s.location) for s in catalogue(problem) if s.possible(problem) is None}
+    assert possible >= {("transmission-error", "transmission"), ("coulomb-friction", "motor")}
+    assert bool(problem.base.free[problem.base.names.index("motor_damping")]) is recorded
+
+
+def test_the_force_of_a_prescribed_motion_counts_in_the_verdict(bench):
+    """What a drive answers is its own law's affair; what a prescribed motion takes is the rig's."""
+    theta = bench.theta(load_inertia=MASS, load_damping=DRAG)
+    law = next(
+        s for s in catalogue(bench) if (s.name, s.location, s.variant) == ("coulomb-friction", "load", "plain")
+    )
+    base = [predict_outputs(run, theta, (), bench) for run in bench.runs]
+    better = [predict_outputs(run, theta, (ActiveEffect(law, (FRICTION,)),), bench) for run in bench.runs]
+    fit = adequacy(bench.runs, white(bench.runs), base, better)
+    (block,) = fit.blocks
+    assert block.base > 0.3
+    assert fit.at_least > 0.97
+
+
+def test_per_unit_of_an_unknown_input_no_maker_figure_bounds_an_inertia(builders):
+    """A slide of 125 kg driven by a force in volts is one of 3 per volt: its bounds and start are not the maker's."""
+    t = np.arange(2000) / 500.0
+    force = np.sin(2.0 * np.pi * 1.5 * t)
+    x = -force / (3.0 * (2.0 * np.pi * 1.5) ** 2)
+    channels = (
+        builders.channel("u", "force", "1", "load", "input", force),
+        builders.channel("x", "position", "m", "load", "output", x),
+    )
+    rig = Nameplate(
+        topology="single-dof",
+        motion="translational",
+        plane="horizontal",
+        ground_spring=False,
+        inertia_reference=125.0,
+    )
+    stream = Stream(file="u.csv", sampling_rate=500.0, length=t.size, channels=channels)
+    problem = prepare(builders.campaign_of([Run(id="u", experiment="speed-motion", streams=(stream,))], rig))
+    assert not problem.torque_calibrated
+    i = problem.base.names.index("load_inertia")
+    assert problem.base.lower[i] < 3.0 < problem.base.upper[i]

@@ -18,6 +18,11 @@ TOML_BREAKS = {
         "reduction_ration",
         ["rig.reduction_ration", "141.0", "unknown"],
     ),
+    "key of the rig in a run": (
+        'experiment = "hammer"',
+        'experiment = "hammer"\nground_spring = true',
+        ["ground_spring", "True", "it belongs to [rig]"],
+    ),
     "unknown key of a channel": (
         'column = "acc",',
         'column = "acc", units = "g",',
