@@ -293,7 +293,10 @@ def marginalised(
     if not any(c.shape[1] for c in columns):
         return bare
     u = bare.filter(columns)
-    gram = u.T @ u
+    with np.errstate(over="ignore", invalid="ignore"):
+        gram = u.T @ u
+    if not np.all(np.isfinite(gram)):  # of a model that flies apart: nothing scatters like it
+        return bare
     eigenvalues, vectors = np.linalg.eigh(gram)
     felt = eigenvalues > UNFELT
     directions = np.asfortranarray(u @ (vectors[:, felt] / np.sqrt(eigenvalues[felt])))

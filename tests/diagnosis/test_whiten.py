@@ -200,3 +200,12 @@ def test_a_model_that_lacks_a_hit_s_ring_is_not_excused_by_its_gain():
     (found,) = energies.values()
     assert found[0] > 0.4**2 * float(y @ y)
     assert error_energies([run], [(0.98 * y,)], [whitener])[next(iter(energies))][0] < 0.01**2 * float(y @ y)
+
+
+def test_a_model_that_flies_apart_scatters_nothing():
+    """Its gain and time move a hit by more than a number holds: eigenvalues of that ended a diagnosis in a traceback."""
+    y = ringing()
+    run = hit(y)
+    noise = NoiseModel({block_key(run, run.outputs[0]): BlockNoise(np.array([1.0]), 0.05, 0.05, 0.0)}, 0.01, 3e-5)
+    whitener = run_whitener(run, noise, (1e200 * y,))
+    assert np.all(np.isfinite(whitener([y])))
