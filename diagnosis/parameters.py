@@ -11,7 +11,6 @@ import numpy as np
 from jointscope.diagnosis.acquisition import carries
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.models.parameters import STANDARD_GRAVITY
-from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
@@ -28,7 +27,7 @@ def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
     return any(
         (run.load is not None and run.load.calibrated)
         or (run.motor is not None and run.motor.calibrated)
-        or any(o.calibrated and o.quantity in FORCES for o in run.outputs)
+        or any(o.calibrated and run.takes(o) for o in run.outputs)
         for run in runs
     )
 

@@ -12,7 +12,6 @@ from jointscope.diagnosis.assembly import BASE_INDEX, OBSERVER_HZ
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.predict import build, integrate
 from jointscope.diagnosis.problem import Scales
-from jointscope.recordings.campaign import FORCES
 from jointscope.recordings.drift import drift_free
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def _where_known(run: PreparedRun, q: Vector) -> Vector:
 def _driving(run: PreparedRun) -> float:
     """What drives a rigid axis at most [N m or N]: as recorded, where its motion is what was prescribed."""
     if run.mode == "prescribed-load":
-        forces = [(o.radius or 1.0) * np.max(np.abs(o.data)) for o in run.outputs if o.quantity in FORCES]
+        forces = [(o.radius or 1.0) * np.max(np.abs(o.data)) for o in run.outputs if run.takes(o)]
         return float(max(forces, default=0.0))
     return float(np.max(np.abs(run.load_half + run.motor_half)))
 
