@@ -39,6 +39,7 @@ from jointscope.diagnosis.polish import anew, from_elsewhere, no_part_below_the_
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.resonant import only_at_resonance
 from jointscope.diagnosis.search import Hypothesis
+from jointscope.diagnosis.silent_bands import silent_bands
 from jointscope.diagnosis.struck import modes, unheard
 from jointscope.diagnosis.twins import twins
 
@@ -242,6 +243,7 @@ def compare(judgement: Judgement, parent: Judged, child: Judged) -> Comparison:
         along,
         lambda: from_noise_alone(runs, judgement.noisy(parent), judgement.noisy(child)),
     )
+    silent |= silent_bands(judgement.objective, parent.fit.w, child.fit.w, gained)
     raw = heard(fitted, judgement.objective.prepared, silent)
     parent_gain = 0.5 * (judgement.base.chi2 - parent.chi2) / overdispersion
     parent_gain += 0.5 * float(np.sum(judgement.base.held_out - parent.held_out)) / overdispersion

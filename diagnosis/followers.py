@@ -41,6 +41,36 @@ def followers_polarities(runs: tuple[PreparedRun, ...]) -> dict[tuple[object, ..
     return {key: float(np.sign(mean)) for key, mean in means.items() if abs(mean) > PLAIN}
 
 
+def beside_own_position(
+    runs: tuple[PreparedRun, ...],
+) -> dict[tuple[object, ...], tuple[tuple[object, ...], float]]:
+    """Of each kind of acceleration that plainly is a position's second derivative or runs against it: that kind, and +1 or -1.
+
+    Whatever hits or holds the body, a model without it would turn its acceleration round; its own position would not.
+    """
+    found: dict[tuple[object, ...], list[float]] = {}
+    whose: dict[tuple[object, ...], tuple[object, ...]] = {}
+    for run in runs:
+        for output in run.outputs:
+            if output.quantity not in ("linear-acceleration", "angular-acceleration", "acceleration"):
+                continue
+            own = [o for o in run.outputs if o.location == output.location and o.quantity in ("angle", "position")]
+            if not own or output.location == "motor":
+                continue
+            agreement = _slow_alike(output, _differentiated_twice(own[0], output.times))
+            if agreement is not None:
+                found.setdefault(channel_key(run, output), []).append(agreement)
+                whose[channel_key(run, output)] = channel_key(run, own[0])
+    means = {key: float(np.mean(values)) for key, values in found.items()}
+    return {key: (whose[key], float(np.sign(mean))) for key, mean in means.items() if abs(mean) > PLAIN}
+
+
+def _differentiated_twice(position: Output, times: Vector) -> Vector:
+    kept = position.mask
+    data = np.interp(position.times, position.times[kept], position.data[kept]) if np.any(kept) else position.data
+    return np.interp(times, position.times, np.gradient(np.gradient(data)) * position.rate**2)
+
+
 def _turned(motor: Observed, output: Output) -> float | None:
     """Correlation of an angle with the motor's."""
     turned, data = motor.signal(output.times)[output.mask], output.data[output.mask]
@@ -51,13 +81,18 @@ def _turned(motor: Observed, output: Output) -> float | None:
 
 def _accelerated(motor: Observed, output: Output) -> float | None:
     """Cosine between an acceleration along the arm's path and the motor's angle twice differentiated, both slow."""
+    return _slow_alike(output, motor.signal(output.times, 2))
+
+
+def _slow_alike(output: Output, expected: Vector) -> float | None:
+    """Cosine between an acceleration along the path and what is expected of it, both slow."""
     if output.direction == "radial" or output.gravity != 0.0 or output.times.size < 8:
         return None
     window = np.hanning(output.times.size)
     f = np.fft.rfftfreq(output.times.size, 1.0 / output.rate)
     slow = (f > SLOW[0]) & (f < SLOW[1])
     data = np.fft.rfft(window * np.where(output.mask, output.data, 0.0))[slow]
-    turned = np.fft.rfft(window * motor.signal(output.times, 2))[slow]
+    turned = np.fft.rfft(window * expected)[slow]
     if output.low_cutoff:
         turned = turned * (1j * f[slow] / (1j * f[slow] + output.low_cutoff))
     size = float(np.linalg.norm(data) * np.linalg.norm(turned))

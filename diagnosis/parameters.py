@@ -49,11 +49,12 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     exact = rig.motor_inertia is not None and rig.reducer_inertia is not None
     load_known = any(run.load is not None and run.load.calibrated for run in runs)
     motor_known = any(run.motor is not None and run.motor.calibrated for run in runs)
+    unknown = known_inertia(rig) or 1.0  # a desk's joint is a thousandth of a robot's, and its motor as well
     J_L = rig.inertia_reference or (
-        1.3 * rig.arm_mass * (rig.arm_com_radius or 0.5) ** 2 if rig.arm_mass is not None else 1.0
+        1.3 * rig.arm_mass * (rig.arm_com_radius or 0.5) ** 2 if rig.arm_mass is not None else unknown
     )
     if rig.motion == "translational":
-        J_L = rig.inertia_reference or rig.arm_mass or 1.0
+        J_L = rig.inertia_reference or rig.arm_mass or unknown
     J_M = known_inertia(rig) or J_L
     K = rig.stiffness_reference or J_L * (2.0 * math.pi * 30.0) ** 2
     c = rig.damping_reference or 2.0 * 0.03 * math.sqrt(K * J_L)

@@ -19,6 +19,7 @@ from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.encoder_lines import without_encoder_lines
 from jointscope.diagnosis.force_left import force_left
 from jointscope.diagnosis.locate import Places, judged_table, places
+from jointscope.diagnosis.main_order import in_main_order
 from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.memory import Memory
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
@@ -148,6 +149,10 @@ def diagnose(
     stage = replace(stage, objective=replace(stage.objective, slopes=Memory(SLOPES)))
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = judge(stage, hypotheses, split.held_out)
+    lines = in_main_order(judgement, specs)
+    if lines:
+        hypotheses = (*each_once(judgement.judged[1:]), *lines)
+        judgement = judge(stage, hypotheses, split.held_out)
     decision = answered(judgement)
     report("looking once more under the noise that is left")
     for _ in range(LOOKS):

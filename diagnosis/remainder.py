@@ -20,6 +20,7 @@ from jointscope.diagnosis.adjudicate import Judged, Judgement
 from jointscope.diagnosis.gates import AS_FORETOLD, HELD, MATERIAL
 from jointscope.diagnosis.noise import ANGULAR, Key, block_key, dynamic_level
 from jointscope.diagnosis.objective import Objective
+from jointscope.diagnosis.silent_bands import as_recorded, unrecorded
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.prepare import Output, PreparedRun
@@ -62,6 +63,7 @@ class Remainder:
         dispersion: By how much the gains were divided, since the model leaves that many times what noise is [-].
         order: Periods per turn of the joint output, where it is what repeats with the turn and not what follows the input.
         place: Where it sits, where it is what the joint meets at one place and not what follows the input.
+        unrecorded: Whether a log drives it, and what is explained lies where the recordings hold nothing.
     """
 
     key: Key
@@ -73,6 +75,7 @@ class Remainder:
     dispersion: float = 1.0
     order: float | None = None
     place: Place | None = None
+    unrecorded: bool = False
 
     @property
     def stands(self) -> bool:
@@ -81,7 +84,8 @@ class Remainder:
             return self.gain > FOLLOWS and self.held_gain > PLACED and self.material > LOUD
         due = max(HELD, AS_FORETOLD * self.foretold)
         least = max(MATERIAL, COLOURED * self.echo)
-        return self.gain > FOLLOWS and self.held_gain > due and self.material > least
+        real = self.gain > FOLLOWS and self.held_gain > due and self.material > least
+        return real and not self.unrecorded
 
 
 def _regressors(run: PreparedRun, output: Output, predicted: Vector) -> NDArray[np.float64]:
@@ -104,17 +108,21 @@ class _Rows:
         columns: Regressors of its outputs of that kind, whitened, the run's other outputs silent, shape (n, k).
         raw: The same as they are at the scored samples, shape (n_scored, k).
         signal: Squared signal over these samples [the output's unit squared].
+        recorded: As ``w``, of the recording itself.
+        driven: Whether a torque's log drives all of them.
     """
 
     w: Vector
     columns: NDArray[np.float64]
     raw: NDArray[np.float64]
     signal: float
+    recorded: Vector
+    driven: bool
 
 
 def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
     predictions = judged.predictions_held if held else judged.predictions
-    w, columns, raw, signal = [], [], [], 0.0
+    w, columns, raw, signal, recorded, driven = [], [], [], 0.0, [], True
     for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
         arrays, hold_it = [], False
         for output, y in zip(run.outputs, predicted, strict=True):
@@ -128,9 +136,13 @@ def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
         if hold_it:
             w.append(objective.whiten_run(i, predicted))
             columns.append(objective.whiteners[i](arrays))
+            recorded.append(as_recorded(run, objective.whiteners[i]))
+            driven &= run.motor is not None and run.load is None
     if not w:
-        return _Rows(np.zeros(0), np.zeros((0, N_REGRESSORS)), np.zeros((0, N_REGRESSORS)), 0.0)
-    return _Rows(np.concatenate(w), np.concatenate(columns), np.concatenate(raw), signal)
+        nothing = np.zeros((0, N_REGRESSORS))
+        return _Rows(np.zeros(0), nothing, nothing, 0.0, np.zeros(0), False)
+    parts = np.concatenate(w), np.concatenate(columns), np.concatenate(raw)
+    return _Rows(*parts, signal, np.concatenate(recorded), driven)
 
 
 def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
@@ -163,7 +175,9 @@ def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
         material = math.sqrt(float(explained @ explained) / fitted.signal) if fitted.signal > 0.0 else 0.0
         foretold = 0.5 * float(change @ change) / dispersion
         echo = _echo(judgement, key, fitted.signal + kept.signal)
-        found.append(Remainder(key, gain, held_gain, foretold, material, echo, dispersion))
+        own = np.any(fitted.columns != 0.0, axis=1)
+        quiet = fitted.driven and unrecorded(fitted.recorded[own], fitted.w[own], left[own])
+        found.append(Remainder(key, gain, held_gain, foretold, material, echo, dispersion, unrecorded=quiet))
     return tuple(sorted(found, key=lambda r: -r.gain))
 
 

@@ -7,6 +7,7 @@ slow part of the motion another, and the one whose simulation comes nearest to t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.alignment import aligned, inexact
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
-from jointscope.diagnosis.followers import followers_polarities
+from jointscope.diagnosis.followers import beside_own_position, followers_polarities
 from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.problem import Problem
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from jointscope.recordings.campaign import Campaign, Nameplate
 
 Vector = NDArray[np.float64]
+Kind = tuple[object, ...]  # of channel
 
 TRUSTED = 0.05  # of the torque's rms that a drive's law may leave, below which it is the drive
 
@@ -81,9 +83,12 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
     base = base_spec(rig, runs)
     following = followers_polarities(runs)
     runs, followers = _righted(runs, following)
+    beside = beside_own_position(runs)
+    runs, by_position = _righted(runs, {key: sign for key, (_, sign) in beside.items()})
     passive = passive_polarities(responses(runs, exact=exact))
-    runs, findings = _righted(runs, {key: sign for key, sign in passive.items() if not _worked(rig, runs, key)})
-    findings = (*followers, *findings)
+    given_out = [key for key, sign in passive.items() if sign < 0.0 and not _worked(rig, runs, key)]
+    runs, findings = _righted(runs, _with_own_acceleration(given_out, beside))
+    findings = (*followers, *by_position, *findings)
     measured = responses(runs, exact=exact)
     problem = Problem(
         rig=rig,
@@ -98,13 +103,19 @@ def _started(rig: Nameplate, runs: tuple[PreparedRun, ...], *, exact: bool = Fal
     wrong = [key for key, sign in signs.items() if sign < 0.0 and not _worked(rig, problem.runs, key)]
     if not any("motor" in key for key in wrong):  # else it may be the motor that counts the other way
         wrong = [key for key in wrong if key not in following]
-    for key in wrong:
-        turned, found = _righted(problem.runs, {key: -1.0})
+    for key in [key for key in wrong if key not in beside]:
+        turned, found = _righted(problem.runs, _with_own_acceleration([key], beside))
         other = replace(problem, runs=turned, base=base, findings=(*problem.findings, *found))
         other = _nearest(other, responses(turned, exact=exact))
         if _misfit(other, other.base.start) < _misfit(problem, problem.base.start):
             problem = other
     return problem
+
+
+def _with_own_acceleration(wrong: Sequence[Kind], beside: dict[Kind, tuple[Kind, float]]) -> dict[Kind, float]:
+    """-1 for every kind in ``wrong`` that no position of its own says the sign of, and for what goes by these."""
+    own = [key for key in wrong if key not in beside]
+    return dict.fromkeys([*own, *(key for key, (position, _) in beside.items() if position in own)], -1.0)
 
 
 def _worked(rig: Nameplate, runs: tuple[PreparedRun, ...], key: tuple[object, ...]) -> bool:

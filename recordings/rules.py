@@ -229,7 +229,7 @@ def _check_channel(channel: Table, rig: Table, file: Path, where: str) -> None:
             "missing",
             fix=f"a {quantity} on a rotational rig needs its distance from the axis [m]",
         )
-    if "point" in channel and "body" not in channel:
+    if "point" in channel and "body" not in channel and rig["topology"] == "arm":
         raise CampaignError(file, f"{where}.body", "missing", fix="a point is given in the frame of a body")
 
 

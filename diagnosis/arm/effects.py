@@ -231,7 +231,7 @@ def _loops(problem: ArmProblem, j: int) -> list[EffectSpec]:
     return found
 
 
-def _neighbour(problem: ArmProblem, j: int) -> list[EffectSpec]:
+def neighbour_laws(problem: ArmProblem, j: int) -> list[EffectSpec]:
     joint, inertia = problem.facts.joints[j], float(problem.locked_inertia[j])
 
     def put(assembly: ArmAssembly, values: Values) -> None:
@@ -371,7 +371,7 @@ def arm_catalogue(problem: ArmProblem) -> tuple[EffectSpec, ...]:
         if springs and problem.wind_up[j] > 0.0:
             found.extend(_transmission(problem, int(j)))
         if len(springs) < len(runs) and not springs:
-            found.extend(_neighbour(problem, int(j)))
+            found.extend(neighbour_laws(problem, int(j)))
         if any(r.driven == j for r in runs):
             found.extend(_drive(problem, int(j)))
             found.extend(weights(problem, int(j), _reach(problem, int(j))))

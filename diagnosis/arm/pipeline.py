@@ -13,6 +13,7 @@ from jointscope.diagnosis.adjudicate import Judgement, judge
 from jointscope.diagnosis.arm.effects import arm_catalogue
 from jointscope.diagnosis.arm.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.arm.problem import ArmProblem
+from jointscope.diagnosis.arm.soft_neighbours import beside_soft_neighbours
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.echo import Echo
 from jointscope.diagnosis.effects import PAYLOADS
@@ -107,6 +108,12 @@ def diagnose_arm(
     if _some_carry(screening, decision.chosen.hypothesis):
         report("asking once more which runs carry something")
         further = second_look(judgement, decision.chosen, screening, (), effort)
+        if further:
+            hypotheses = (*each_once(judgement.judged[1:]), *further)
+            judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
+            decision = answered(judgement)
+    if decision.verdict == "unknown":
+        further = beside_soft_neighbours(stage, pool, effort, report)
         if further:
             hypotheses = (*each_once(judgement.judged[1:]), *further)
             judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))

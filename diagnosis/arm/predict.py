@@ -106,7 +106,7 @@ def moved(assembly: ArmAssembly, *, tied: bool = True) -> Motion:
     P, kinds, x = rest_state(assembly, table)
     omega = 2.0 * math.pi * (TIE_HZ if tied else LOOSE_HZ)
     torque = _motor_torque(assembly)
-    path, rate = (run.path, run.path_rate) if tied else (run.commanded, run.commanded_rate)
+    path, rate = _path(assembly, tied)
     driven = int(np.flatnonzero(table.joints == run.driven)[0]) if run.driven in table.joints else -1
     tie, tie_rate = run.tie * omega**2, 2.0 * TIE_RATIO * run.tie * omega
     tied_torque = tie * path + tie_rate * rate
@@ -124,6 +124,17 @@ def moved(assembly: ArmAssembly, *, tied: bool = True) -> Motion:
         readings[:] = np.nan
         rotor[:] = np.nan
     return Motion(readings, rotor)
+
+
+def _path(assembly: ArmAssembly, tied: bool) -> tuple[Vector, Vector]:
+    """What the driven rotor is tied to and its rate, at half steps: the record, or the command, as of its own time."""
+    run = assembly.run
+    path, rate = (run.path, run.path_rate) if tied else (run.commanded, run.commanded_rate)
+    by_command = not tied or all(probe >= 0 for probe in run.probes)
+    if not assembly.late or not (run.late_command if by_command else run.late_observed):
+        return path, rate
+    place = np.clip(np.arange(len(path)) + 2.0 * run.grid_rate * assembly.late, 0.0, len(path) - 1.0)
+    return _between(path, place), _between(rate, place)
 
 
 def _motor_torque(assembly: ArmAssembly) -> Vector:

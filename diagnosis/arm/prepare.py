@@ -5,6 +5,7 @@ Nothing is read from titles, notes, ids, file or column names, or from the order
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -19,7 +20,7 @@ from jointscope.diagnosis.arm.runs import arm_run
 from jointscope.diagnosis.problem import BaseSpec
 from jointscope.diagnosis.sizes import unit_scales
 from jointscope.errors import RefusedError
-from jointscope.recordings.campaign import Campaign
+from jointscope.recordings.campaign import Campaign, Nameplate
 from jointscope.recordings.wild import tamed
 from jointscope.recordings.zeroed import zeroed
 
@@ -30,6 +31,7 @@ INFORMED = 0.02  # the same below which its figures stay as stated
 UNLIKE = 0.01  # of an inertia, by which a link's part of it differs between runs, to be weighed on its own
 APART = 0.002  # the same of what the others, the spring and the inertia about its joint do not already make of it
 LEAST_INERTIA = 0.4  # times what the file says
+SOFT_DAMPING = 0.02  # of its critical damping, the same
 SOFT_HZ = 25.0  # resonance on its own of a joint that is rigid in the model, to ask whether softness would show
 
 
@@ -54,6 +56,11 @@ def prepare_arm(campaign: Campaign) -> ArmProblem:
             f"{campaign.path}: no run holds a hammer force or a motor torque together with an acceleration or a motor "
             "angle of the arm"
         )
+    return _as_problem(campaign.rig, runs, findings, facts)
+
+
+def _as_problem(rig: Nameplate, runs: list[ArmRun], findings: Sequence[str], facts: ArmFacts) -> ArmProblem:
+    """Which joints the runs see, and where the base starts."""
     figures = Figures(
         facts.stiffness, facts.damping, facts.rotor_inertia, facts.rotor_damping, facts.drive_stiffness,
         facts.drive_damping,
@@ -67,12 +74,27 @@ def prepare_arm(campaign: Campaign) -> ArmProblem:
     stated, facts = facts, replace(facts, stiffness=K, damping=c)
     weighed = _weighed(runs, sought, facts.tested)
     problem = ArmProblem(
-        rig=campaign.rig, runs=tuple(runs), base=_base(facts, runs, masks, sought, weighed), scales=unit_scales(),
+        rig=rig, runs=tuple(runs), base=_base(facts, runs, masks, sought, weighed), scales=unit_scales(),
         findings=tuple(findings), facts=facts, stated=stated, seen=seen, visibility=visibility,
         rotor_speed=np.zeros(len(K)), wind_up=np.zeros(len(K)), torque=np.zeros(len(K)),
         locked_inertia=facts.reference.locked_inertia(runs[0].run.posture), carried=_carried(weighed[1]),
     )  # fmt: skip
     return _with_sizes(problem)
+
+
+def softened(problem: ArmProblem) -> ArmProblem | None:
+    """The arm in which every brake's reducer gives way, where that shows and its file has it rigid; ``None`` without any."""
+    stated, runs = problem.stated, list(problem.arm_runs)
+    held = np.all([(run.kinds == kernel.BRAKED) & ~run.locked for run in runs], axis=0)
+    soft = np.asarray(problem.seen & ~stated.elastic & held)
+    if not np.any(soft):
+        return None
+    inertia = problem.locked_inertia
+    stiffness = np.where(soft, inertia * (2.0 * np.pi * SOFT_HZ) ** 2, stated.stiffness)
+    damping = np.where(soft, 2.0 * SOFT_DAMPING * np.sqrt(stiffness * inertia), stated.damping)
+    facts = replace(stated, elastic=stated.elastic | soft, stiffness=stiffness, damping=damping)
+    found = _as_problem(problem.rig, runs, problem.findings, facts)
+    return found
 
 
 def _always_locked(runs: list[ArmRun]) -> NDArray[np.bool_]:
@@ -98,7 +120,7 @@ def _visibility(runs: list[ArmRun], facts: ArmFacts, figures: Figures) -> Vector
             if not springs[j]:
                 K, c = figures.stiffness.copy(), figures.damping.copy()
                 K[j] = float(run.plant.mass[0, j, j]) * (2.0 * np.pi * SOFT_HZ) ** 2
-                c[j] = 0.04 * np.sqrt(K[j] * float(run.plant.mass[0, j, j]))
+                c[j] = 2.0 * SOFT_DAMPING * np.sqrt(K[j] * float(run.plant.mass[0, j, j]))
                 at = replace(figures, stiffness=K, damping=c)
             braked = replace(run, kinds=np.where(springs, run.kinds, kernel.BRAKED))
             found[j] = max(found[j], changes(braked, at, with_it, without))

@@ -163,6 +163,7 @@ MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fi
 OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
 WHOLE = 0.06  # from a whole number, what an order may be off: the motor's own field returns with every turn
 FOUND_TO = 0.003  # of an order, to which a line is found where its slower one is missing
+HARMONIC = "-harmonic"  # behind the variant of a law that has them
 HARMONICS = ("second_sine", "second_cosine", "third_sine", "third_cosine")  # amplitudes of their own
 KINEMATIC = (
     2e-3  # rad, of a turn of the output or of a slide's travel, that gears may be off: seven minutes of arc
@@ -240,7 +241,7 @@ def _with_harmonics(spec: EffectSpec) -> EffectSpec:
     first = 2.0 if spec.variant.startswith("output-order") else 1.0
     return replace(
         spec,
-        variant=f"{spec.variant}-harmonic",
+        variant=f"{spec.variant}{HARMONIC}",
         parameters=(*spec.parameters, *further),
         proportional=tuple(range(3, 3 + len(HARMONICS))),
         law=spec.law.replace(

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.followers import followers_polarities
+from jointscope.diagnosis.followers import beside_own_position, followers_polarities
 from jointscope.diagnosis.problem import Observed
 from jointscope.diagnosis.responses import channel_key
 from jointscope.recordings.bandlimited import bandlimited
@@ -84,3 +84,20 @@ def test_an_accelerometer_is_not_turned_round_by_a_motor_that_rubs(builders, pla
     runs = [builders.sweep_run(rubs, amplitude, f"sweep {amplitude:g}") for amplitude in (70.0, 90.0)]
     campaign = builders.campaign_of(runs)
     assert signs(campaign) == {1.0}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_body_that_is_struck_is_no_accelerometer_turned_round(sign):
+    """A stop throws it back: its own position says so too."""
+    rng = np.random.default_rng(5)
+    angle, slow = turned()
+    struck = 30.0 * np.std(slow) * np.exp(-(((T - 2.0) / 0.004) ** 2))
+    moved = np.cumsum(np.cumsum(slow + struck)) / RATE**2
+    position = output(moved, quantity="position", location="load")
+    seen = output(
+        sign * (slow + struck) + 0.2 * np.std(slow) * rng.standard_normal(T.size),
+        quantity="acceleration", location="load",
+    )  # fmt: skip
+    run = run_of(position, seen)
+    assert beside_own_position((run,)) == {channel_key(run, seen): (channel_key(run, position), sign)}
+    assert beside_own_position((run_of(seen),)) == {}
