@@ -90,7 +90,7 @@ def test_an_accelerometer_is_not_turned_round_by_a_motor_that_rubs(builders, pla
 def test_a_body_that_is_struck_is_no_accelerometer_turned_round(sign):
     """A stop throws it back: its own position says so too."""
     rng = np.random.default_rng(5)
-    angle, slow = turned()
+    _, slow = turned()
     struck = 30.0 * np.std(slow) * np.exp(-(((T - 2.0) / 0.004) ** 2))
     moved = np.cumsum(np.cumsum(slow + struck)) / RATE**2
     position = output(moved, quantity="position", location="load")
