@@ -135,7 +135,10 @@ def run_small(
     soft = [r for r in rubbing if P[system.turning[r], kernel.PRESLIDING] > 0.0]
     dry = [r for r in rubbing if r not in soft]
     columns = np.concatenate([system.B[:, None], system.E[:, bent], system.R[:, dry], system.R[:, soft]], axis=1)
-    phi, zero, one, two = discrete(system.A, columns, 1.0 / rate)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a trial whose springs are beyond a step
+        phi, zero, one, two = discrete(system.A, columns, 1.0 / rate)
+    if not all(np.all(np.isfinite(x)) for x in (phi, zero, one, two)):
+        return np.full((steps + 1, len(table.motion[0]) + 1), np.nan)
     a, b = zero[:, 0], one[:, 0]
     c = two[:, 0]
     # parabola through u_0, u_1/2, u_1: u_0 + (4 u_1/2 - 3 u_0 - u_1) t + (2 u_0 - 4 u_1/2 + 2 u_1) t^2

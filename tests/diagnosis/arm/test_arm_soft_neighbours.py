@@ -56,3 +56,12 @@ def test_a_spring_of_the_base_is_the_neighbour_that_is_named(campaign):
     for y, z, without in zip(expected, found, rigid, strict=True):
         np.testing.assert_allclose(z, y, atol=1e-6 * float(np.std(y)))
         assert float(np.std(without - y)) > 0.05 * float(np.std(y))
+
+
+def test_a_spring_that_flies_apart_within_a_step_is_not_finite_and_says_nothing(campaign):
+    """In silence: warnings are errors here."""
+    problem = prepare_arm(campaign)
+    theta = problem.base.start.copy()
+    theta[problem.place("damping", 0)] = -1e9
+    predicted = predict_outputs(problem.arm_runs[0], theta, (), problem)
+    assert not any(np.all(np.isfinite(y)) for y in predicted)
