@@ -43,25 +43,30 @@ def silent_bands(objective: Objective, parent: Vector, child: Vector, gained: Ma
     if not asked:
         return set()
     recorded, before, after = _recorded(objective), _spectra(objective, parent), _spectra(objective, child)
-    explained: dict[str, float] = dict.fromkeys(asked, 0.0)
-    loud: dict[str, float] = dict.fromkeys(asked, 0.0)
+    split: dict[str, Vector] = {name: np.zeros(2) for name in asked}
     for key, left in after.items():
         if str(key[0]) in asked:
-            gain = before[key] - left
-            explained[str(key[0])] += float(np.sum(gain))
-            loud[str(key[0])] += float(np.sum(gain[recorded[key] > LOUD * left]))
-    return {name for name in asked if 0.0 < explained[name] and loud[name] < QUIET * explained[name]}
+            split[str(key[0])] += _explained(recorded[key], before[key], left)
+    return {name for name, gain in split.items() if _is_quiet(gain)}
 
 
 def unrecorded(recorded: Vector, before: Vector, after: Vector) -> bool:
     """The same of one kind of channel: whitened recording and what is left of it before and after, shape (n,) each."""
-    left = _power(after)
-    gain = _power(before) - left
-    explained, loud = float(np.sum(gain)), float(np.sum(gain[_power(recorded) > LOUD * left]))
-    return explained > 0.0 and loud < QUIET * explained
+    return _is_quiet(_explained(_power(recorded), _power(before), _power(after)))
 
 
-@lru_cache(maxsize=4)
+def _explained(recorded: Vector, before: Vector, left: Vector) -> Vector:
+    """What is explained in all, and of it where the recording is loud, of the powers by frequency, shape (2,)."""
+    gain = before - left
+    return np.array([np.sum(gain), np.sum(gain[recorded > LOUD * left])])
+
+
+def _is_quiet(gain: Vector) -> bool:
+    explained, loud = gain
+    return bool(0.0 < explained and loud < QUIET * explained)
+
+
+@lru_cache(maxsize=1)  # all of a judgement's comparisons ask the same
 def _recorded(objective: Objective) -> Spectra:
     """Of the recordings, whitened as what is left of them."""
     runs = zip(objective.whiteners, objective.prepared, strict=True)

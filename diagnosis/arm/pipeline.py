@@ -6,6 +6,7 @@ and the choice of the next recording belong to the single joint's model and are 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -105,20 +106,19 @@ def diagnose_arm(
     report(f"judging {len(hypotheses)} hypotheses on {len(split.held_out)} held-out runs")
     judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
     decision = answered(judgement)
+
+    def beside(further: Sequence[Hypothesis]) -> Judgement:
+        everything = (*each_once(judgement.judged[1:]), *further)
+        return _as_right_as_arms_are(judge(stage, everything, split.held_out)) if further else judgement
+
     if _some_carry(screening, decision.chosen.hypothesis):
         report("asking once more which runs carry something")
-        further = second_look(judgement, decision.chosen, screening, (), effort)
-        if further:
-            hypotheses = (*each_once(judgement.judged[1:]), *further)
-            judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
-            decision = answered(judgement)
-    if decision.verdict == "unknown":
-        further = beside_soft_neighbours(stage, pool, effort, report)
-        if further:
-            hypotheses = (*each_once(judgement.judged[1:]), *further)
-            judgement = _as_right_as_arms_are(judge(stage, hypotheses, split.held_out))
-            decision = answered(judgement)
-    nowhere = Places((), {}, None)
+        judgement = beside(second_look(judgement, decision.chosen, screening, (), effort))
+        decision = answered(judgement)
     decision = _within_geometry(judgement, decision)
+    if decision.verdict == "unknown":
+        judgement = beside(beside_soft_neighbours(stage, pool, effort, report))
+        decision = _within_geometry(judgement, answered(judgement))
+    nowhere = Places((), {}, None)
     whole = Diagnosis(problem, split, stage, screening, judgement, decision, nowhere, None)
     return handed_on(with_plain_base(whole, free_prediction), free_prediction)

@@ -93,8 +93,7 @@ def softened(problem: ArmProblem) -> ArmProblem | None:
     stiffness = np.where(soft, inertia * (2.0 * np.pi * SOFT_HZ) ** 2, stated.stiffness)
     damping = np.where(soft, 2.0 * SOFT_DAMPING * np.sqrt(stiffness * inertia), stated.damping)
     facts = replace(stated, elastic=stated.elastic | soft, stiffness=stiffness, damping=damping)
-    found = _as_problem(problem.rig, runs, problem.findings, facts)
-    return found
+    return _as_problem(problem.rig, runs, problem.findings, facts)
 
 
 def _always_locked(runs: list[ArmRun]) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ from jointscope.diagnosis.arm.prepare import softened
 from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.base import Stage, refit_base
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.effects import ActiveEffect, EffectSpec
+from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.rounds import Report, explore
 from jointscope.diagnosis.search import Effort, Hypothesis, profile_loss
@@ -42,8 +42,7 @@ def beside_soft_neighbours(
         return []
     report("refitting the base with every brake's reducer a spring")
     there = refit_base(soft, predict_outputs, stage.objective.runs, pool)
-    catalogue = arm_catalogue(soft)
-    _, found = explore(there, catalogue, effort, report)
+    _, found = explore(there, arm_catalogue(soft), effort, report)
     leading: dict[tuple[str, ...], Hypothesis] = {}
     for hypothesis in found:
         leading.setdefault(hypothesis.names, hypothesis)
@@ -58,7 +57,12 @@ def _taken_back(
 ) -> Hypothesis:
     """``hypothesis`` on the arm as its file has it: the springs that it lacks are effects."""
     theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
-    return _fitted(stage, theta, (*(spring(problem, soft, theta, int(j)) for j in springs), *effects))
+    actives = (*(spring(problem, soft, theta, int(j)) for j in springs), *effects)
+    where = coordinates(problem, tuple(a.spec for a in actives))
+    fit = least_squares(
+        stage.objective, where, where.pack(theta, actives), iterations=14, tolerance=3e-3, simulations=SPENT
+    )
+    return Hypothesis(where.effects, fit, profile_loss(stage.objective, fit.w))
 
 
 def spring(problem: ArmProblem, soft: ArmProblem, theta: Vector, j: int) -> ActiveEffect:
@@ -67,12 +71,3 @@ def spring(problem: ArmProblem, soft: ArmProblem, theta: Vector, j: int) -> Acti
     own = float(problem.locked_inertia[j]) * of_file
     spec = neighbour_laws(problem, j)[0]
     return ActiveEffect(spec, (math.sqrt(K / own) / (2.0 * math.pi), 0.5 * c / math.sqrt(K * own), of_file))
-
-
-def _fitted(stage: Stage, theta: Vector, actives: tuple[ActiveEffect, ...]) -> Hypothesis:
-    specs: tuple[EffectSpec, ...] = tuple(a.spec for a in actives)
-    where = coordinates(stage.objective.problem, specs)
-    fit = least_squares(
-        stage.objective, where, where.pack(theta, actives), iterations=14, tolerance=3e-3, simulations=SPENT
-    )
-    return Hypothesis(specs, fit, profile_loss(stage.objective, fit.w))
