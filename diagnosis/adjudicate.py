@@ -35,7 +35,14 @@ from jointscope.diagnosis.gates import AS_FORETOLD, REAL, TELLING, WITNESSES, Co
 from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import DIVERGED, Objective, Predictions
-from jointscope.diagnosis.polish import anew, from_elsewhere, no_part_below_the_base, occam, parts_of, polished
+from jointscope.diagnosis.polish import (
+    anew,
+    from_elsewhere,
+    leaders_polished,
+    no_part_below_the_base,
+    occam,
+    parts_of,
+)
 from jointscope.diagnosis.refit import Fit
 from jointscope.diagnosis.resonant import only_at_resonance
 from jointscope.diagnosis.search import Hypothesis
@@ -55,7 +62,6 @@ PRIOR_SIZE = (math.log(0.5), math.log(0.35), math.log(0.12), math.log(0.03))
 ELSEWHERE = 2  # of them whose base parameters the base is refitted from
 ASKED = 3  # sets that are asked what no other form of their parts could do
 FORETELLING = 8  # leading hypotheses that are asked what is left of held-out runs, where the likeliest goes astray
-POLISHED = 3  # leading hypotheses that are refitted under the final noise
 MORE = 30.0  # nats by which one effect that is too small to matter must lead what stands
 UNREACHED = 0.02  # of the gain in proportion, below which the held-out runs are foretold to show nothing of it
 UNREACHED_PLACE = 0.1  # the same of an effect of one place or level: the base, which moves too, foretells that
@@ -147,13 +153,7 @@ def judge(stage: Stage, hypotheses: Sequence[Hypothesis], held_runs: tuple[int, 
     for _ in range(2):
         objective, noise, _ = rewhiten(objective, best.fit, noise, MAX_ORDER)
         everything = anew(objective, everything)
-        leading = sorted(everything[1:], key=lambda h: h.loss)[:POLISHED]
-        parts: dict[tuple[str, ...], Hypothesis] = {}
-        for h in sorted(everything, key=lambda h: h.loss):
-            if any(set(h.names) < set(lead.names) for lead in leading):
-                parts.setdefault(h.names, h)
-        again = {id(h) for h in (everything[0], *leading, *parts.values())}
-        everything = [polished(objective, h) if id(h) in again else h for h in everything]
+        everything = leaders_polished(objective, everything)
         before, best = best, min(everything, key=lambda h: h.loss)
         if best.names == before.names:
             break

@@ -11,8 +11,8 @@ phi = 0, and of an arm whose outer part of J_p bends the share by which hammer a
 
 (the two-mass eigenproblem solved for the joint). lambda may be the lower or the upper one of the two. A base that ended at
 neither says nothing; so what the recordings themselves ring at is tried as well, with the inertia that was expected. Over a
-grid of w and s the nearest to the data is fitted; from a small share the search would have to take the base through what
-explains nothing.
+grid of w and s, and of how it lies where that differs from posture to posture, the nearest to the data is fitted; from a
+small share the search would have to take the base through what explains nothing.
 """
 
 from __future__ import annotations
@@ -43,10 +43,13 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-MOUNTS = ("turning-mount", "sliding-mount", "carrier")
+TURNED = ("sliding-mount-turned", "carrier-turned")
+MOUNTS = ("turning-mount", "sliding-mount", "carrier", *TURNED)
 LINKS = ("one-shape", "elbow")
 LAWS = (*MOUNTS, "absorber", *LINKS)
 _K, _C, _J = (BASE_INDEX[name] for name in ("stiffness", "damping", "load_inertia"))
+WAYS = 3  # over half a turn, that a mount may slide or a neighbour's axis lie
+ECCENTRICITIES = (0.4, 1.3)  # of its axis: one farther away than the arm's centre of percussion, and one nearer
 FREQUENCIES = (0.5, 0.7, 0.88, 1.15, 1.4, 1.8, 2.3, 3.0)  # w/sqrt(lambda)
 SHARES = (0.1, 0.3, 0.7, 1.5)
 HEAVIEST = 0.85  # of the arm's inertia, a neighbour or an outer part
@@ -105,18 +108,26 @@ def heavy_modes(
     expected, peaks = objective.problem.base.start, _peaks(objective.problem)
     without = profile_loss(objective, parent.w)
     found = []
-    for trial in laws:
-        starts = [*_starts(theta, trial), *(s for squared in peaks for s in _expected(expected, trial, squared))]
+    for posed in [alike for trial in laws for alike in _posed(trial)]:
+        starts = [
+            start
+            for trial in posed
+            for start in (
+                *_starts(theta, trial),
+                *(s for squared in peaks for s in _expected(expected, trial, squared)),
+            )
+        ]
         if not starts:
             continue
-        where = coordinates(objective.problem, (*held, trial.spec))
+        spec = posed[0].spec
+        where = coordinates(objective.problem, (*held, spec))
         base, active = starts[objective.nearest([(base, (*effects, active)) for base, active in starts])]
         x = where.pack(base, (*effects, active))
         fit = least_squares(objective, where, x, iterations=BEGUN[0], tolerance=3e-3, simulations=BEGUN[1])
         if not fit.converged and keeps_up(profile_loss(objective, fit.w), without, min(best, without)):
             fit = fitted_on(objective, fit, *FREE)
         if fit.chi2 < parent.chi2:
-            found.append(Hypothesis((*held, trial.spec), fit, profile_loss(objective, fit.w)))
+            found.append(Hypothesis((*held, spec), fit, profile_loss(objective, fit.w)))
     return found
 
 
@@ -129,6 +140,19 @@ def _laws(candidates: Sequence[ActiveEffect], held: Sequence[EffectSpec]) -> lis
         if spec.family == "mode" and spec.variant in LAWS and name_of(spec) not in taken:
             first.setdefault(id(spec), active)
     return list(first.values())
+
+
+def _posed(trial: ActiveEffect) -> list[list[ActiveEffect]]:
+    """The trial, or every way that it may lie where it lies differently in each posture; each list has its own valley."""
+    if trial.spec.variant not in TURNED:
+        return [[trial]]
+    ways = [math.pi * k / WAYS for k in range(WAYS)]
+    if not trial.values[5:]:
+        return [[ActiveEffect(trial.spec, (*trial.values[:4], way)) for way in ways]]
+    both = [*ways, *(way - math.pi for way in ways)]
+    return [
+        [ActiveEffect(trial.spec, (*trial.values[:4], way, kappa)) for way in both] for kappa in ECCENTRICITIES
+    ]
 
 
 def _peaks(problem: Problem) -> list[float]:

@@ -4,7 +4,8 @@ To first order in a small amplitude a mode near the joint's own resonance explai
 elsewhere only what its start's shape has the right sign for. But a search from the right frequency finds the shape. So of
 each plain law of a mode the starts at the highest peaks of what is left are fitted as well. A mode as heavy as the arm moves the
 joint's resonance itself, and what a base leaves that took its stiffness from that one has peaks at neither; where most is
-left, starts above the base's resonance are fitted too.
+left, starts above the base's resonance are fitted too. Of hits in several postures, a mount that slides along the tangent of
+each is the way to the one that slides along one direction: from the base, what a posture lacks stands for all of it.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.effects.lines import spectral_peaks
+from jointscope.diagnosis.effects.spec import ActiveEffect
 from jointscope.diagnosis.refit import fitted_on
 from jointscope.diagnosis.resonances import FREE
 from jointscope.diagnosis.search import Effort, Hypothesis, fit_child, profile_loss
 
 if TYPE_CHECKING:
-    from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.effects.lines import Residuals
     from jointscope.diagnosis.objective import Objective
     from jointscope.diagnosis.problem import Problem
@@ -32,6 +33,8 @@ TRIED = 4  # peaks
 MOST = 0.5  # of the data's rms, likewise, beyond which a mode may be as heavy as the arm
 ABOVE = (1.2, 1.5, 1.9, 2.4)  # times the base's resonance, where such a mode is sought
 PLAIN = ("one-shape", "absorber", "turning-mount", "sliding-mount", "carrier")
+SLIDING, TURNED = "sliding-mount", "sliding-mount-turned"
+WAYS = 6  # over half a turn, after which such a mount is the same
 BAND = (0.6, 8.0)  # times the joint's resonance
 
 
@@ -73,7 +76,29 @@ def modes_apart(
         if reached is not None:
             best = fitted_on(objective, reached, *FREE)
             found.append(Hypothesis((trials[0].spec,), best, profile_loss(objective, best.w)))
-    return found
+    return [*found, *_turned(objective, base, found, candidates, effort)]
+
+
+def _turned(
+    objective: Objective,
+    base: Fit,
+    found: Sequence[Hypothesis],
+    candidates: Sequence[ActiveEffect],
+    effort: Effort,
+) -> list[Hypothesis]:
+    """The mount that slides one way in every posture, from the one that slides along the tangent of each."""
+    turned = next((a.spec for a in candidates if a.spec.variant == TURNED), None)
+    plain = next((h for h in found if h.specs[0].variant == SLIDING), None)
+    if turned is None or plain is None:
+        return []
+    theta, (mount,) = plain.fit.coordinates.unpack(plain.fit.x)
+    ways = [ActiveEffect(turned, (*mount.values, math.pi * k / WAYS)) for k in range(WAYS)]
+    near = min(ways, key=lambda way: objective.misfit(theta, (way,)))
+    fit = fit_child(objective, base, [near], effort, [theta])
+    if fit is None:
+        return []
+    best = fitted_on(objective, fit, *FREE)
+    return [Hypothesis((turned,), best, profile_loss(objective, best.w))]
 
 
 def _laws(candidates: Sequence[ActiveEffect]) -> list[list[ActiveEffect]]:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.base import relative_misfit
 from jointscope.diagnosis.per_run import labelling_cost
-from jointscope.diagnosis.refit import least_squares
+from jointscope.diagnosis.refit import least_squares, with_fresh_jacobian
 from jointscope.diagnosis.rivals import without
 from jointscope.diagnosis.screen import resized
 from jointscope.diagnosis.search import NEARLY_NOTHING, Effort, Hypothesis, fit_child, names_of
@@ -30,6 +31,8 @@ FAR_BEHIND = 0.2  # ... which is what gains less than this of what it does
 ANOTHER_FORM = (
     0.1  # of what the leader gains, by which another law of the same names may be behind the best of them
 )
+AWAY, AFAR = 0.3, 1.5  # of the data, left by a base, and times what it left before: it has fled from them
+POLISHED = 3  # leading hypotheses that are refitted under the final noise
 LED_BY = 3  # leading hypotheses whose parts are kept however little they gain
 
 
@@ -74,6 +77,34 @@ def polished(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, fit=fit, loss=0.5 * fit.chi2 + occam(hypothesis, len(fit.w)))
 
 
+def beside_the_data(objective: Objective, before: Hypothesis, after: Hypothesis) -> Hypothesis:
+    """A base refitted, or as it was where the refit fled from the data.
+
+    Under the noise of a better model, in which hits scatter, a base that predicts next to nothing of them may cost less
+    than one whose ringing goes out of step: all of it is a scatter then. It is a base of nothing all the same.
+    """
+    left = [
+        relative_misfit(objective.prepared, objective.predictions(*h.fit.coordinates.unpack(h.fit.x)))
+        for h in (before, after)
+    ]
+    if left[1] <= max(AWAY, AFAR * left[0]):
+        return after
+    return replace(before, fit=with_fresh_jacobian(objective, replace(before.fit, fresh=False)))
+
+
+def leaders_polished(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The hypotheses, the base first, with it, the leading ones and the best of each of their parts refitted."""
+    base, *others = hypotheses
+    leading = sorted(others, key=lambda h: h.loss)[:POLISHED]
+    parts: dict[tuple[str, ...], Hypothesis] = {}
+    for h in sorted(others, key=lambda h: h.loss):
+        if any(set(h.names) < set(lead.names) for lead in leading):
+            parts.setdefault(h.names, h)
+    again = {id(h) for h in (*leading, *parts.values())}
+    first = beside_the_data(objective, base, polished(objective, base))
+    return [first, *(polished(objective, h) if id(h) in again else h for h in others)]
+
+
 def _stated(objective: Objective, where: Coordinates) -> tuple[Vector, Vector]:
     """The base parameters as the campaign states them, and the same hardly damped."""
     ringing = where.start.copy()
@@ -97,7 +128,7 @@ def from_elsewhere(objective: Objective, base: Hypothesis, leading: Sequence[Hyp
     best = min(found, key=lambda fit: fit.chi2)
     if best is base.fit:
         return base
-    return polished(objective, replace(base, fit=best))
+    return beside_the_data(objective, base, polished(objective, replace(base, fit=best)))
 
 
 def parts_of(

@@ -33,7 +33,7 @@ from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
 from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
-from jointscope.diagnosis.polish import worth_judging
+from jointscope.diagnosis.polish import beside_the_data, worth_judging
 from jointscope.diagnosis.rattling import beside_bent_spring, may_rattle
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.rescaled import rescaled
@@ -140,7 +140,7 @@ def settled(arena: Arena, found: Sequence[Hypothesis], effort: Effort) -> Arena:
         base = _seen(objective, base)
         if not pool or pool[0].names == best.names:
             break
-    return Arena(objective, noise, _refitted(objective, base), tuple(pool))
+    return Arena(objective, noise, beside_the_data(objective, base, _refitted(objective, base)), tuple(pool))
 
 
 def promising(arena: Arena, child: Hypothesis, *parents: Hypothesis) -> bool:

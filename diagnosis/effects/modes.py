@@ -35,6 +35,7 @@ from jointscope.diagnosis.effects.spec import (
     Values,
     frequencies,
 )
+from jointscope.diagnosis.effects.witnesses import Place, contradicted
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -152,6 +153,11 @@ def _anything(problem: Problem) -> str | None:
     return "neither an acceleration nor an elastic transmission to show a further mode"
 
 
+def _beside(place: Place) -> Possible:
+    """What any mode needs, where no accelerometer at this place or at the other says otherwise."""
+    return lambda problem: _anything(problem) or contradicted(problem, place)
+
+
 def _on_the_arm(problem: Problem) -> str | None:
     if any("acceleration" in o.quantity and o.location != "motor" for run in problem.runs for o in run.outputs):
         return None
@@ -165,7 +171,11 @@ def _hit(problem: Problem) -> str | None:
     return reason
 
 
-def _levered(problem: Problem) -> str | None:
+def _slides(problem: Problem) -> str | None:
+    return levered(problem) or contradicted(problem, "base")
+
+
+def levered(problem: Problem) -> str | None:
     reason = _on_the_arm(problem)
     if reason is None and not any("linear" in o.quantity for run in problem.runs for o in run.outputs):
         return "a lever shows in a linear acceleration only"
@@ -175,7 +185,7 @@ def _levered(problem: Problem) -> str | None:
 def _offset(problem: Problem) -> str | None:
     if not (problem.rig.arm_mass and problem.rig.arm_com_radius):
         return "the arm's mass and centre of mass are not stated"
-    return _levered(problem)
+    return levered(problem) or contradicted(problem, "neighbour")
 
 
 def _lever_limits(problem: Problem) -> dict[str, tuple[float, float]]:
@@ -232,7 +242,7 @@ def _is_a_mode(values: Values) -> bool:
     return values[2] < 0.99 * _BROADEST
 
 
-_NEAR: tuple[tuple[str, Location], ...] = (
+_NEAR: tuple[tuple[str, Place], ...] = (
     ("neighbour-flexibility", "neighbour"),
     ("base-compliance", "base"),
 )
@@ -245,7 +255,7 @@ _LEVERED: tuple[tuple[tuple[str, Location], str, ParameterSpec, str, Apply, floa
         "the mount slides under force and reaction",
         _sliding,
         1.0,
-        _levered,
+        _slides,
     ),
     (
         ("neighbour-flexibility", "neighbour"),
@@ -325,7 +335,7 @@ SPECS: tuple[EffectSpec, ...] = (
             apply=apply,
             scale=_share_sizes,
             starts=_grid(0.15, 5.0),
-            possible=_anything,
+            possible=_beside(location),
             limits=_limits,
             residual_starts=_peaks(0.15, 6.0),
         )

@@ -26,8 +26,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.effects.modes import SPECS as MODES
-from jointscope.diagnosis.effects.modes import carried
+from jointscope.diagnosis.effects.modes import carried, levered
 from jointscope.diagnosis.effects.spec import EffectSpec, ParameterSpec, Values
+from jointscope.diagnosis.effects.witnesses import contradicted
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -99,6 +100,7 @@ def _specs() -> tuple[EffectSpec, ...]:
         parameters=(*mount.parameters, kappa),
         law="a neighbour that carries the joint turns about a parallel axis, which lies differently in each posture",
         look_alikes=("link-flexibility", "base-compliance", "sensor-resonance", "structural-damping"),
+        possible=_postures(lambda problem: levered(problem) or contradicted(problem, "neighbour")),
         starts=lambda problem: tuple(
             (*start, kappa) for kappa in (0.5, ON_AXIS) for start in mount.starts(problem)[::7]
         ),
