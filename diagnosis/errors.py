@@ -73,7 +73,9 @@ def held_out_lines(held: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _adrift(run: PreparedRun) -> bool:
+def _adrift(run: PreparedRun, topology: str) -> bool:
+    if topology == "single-dof" and not run.spring:  # no loop of a drive is foretold around a rigid axis
+        return True
     return run.speed_command is None and (run.motor_moves or not run.spring)
 
 
@@ -82,7 +84,7 @@ def without_drift(problem: Problem, errors: Sequence[ChannelError]) -> list[Chan
 
     Open loop the rigid body goes where the torque log's last hundredth carries it, so that its angle tells models nothing.
     """
-    adrift = {run.run.id for run in problem.runs if _adrift(run)}
+    adrift = {run.run.id for run in problem.runs if _adrift(run, problem.rig.topology)}
     return [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
 
 

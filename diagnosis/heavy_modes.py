@@ -9,10 +9,15 @@ stiffness K and the inertia J_L resonates there and responds as much where
 
 phi = 0, and of an arm whose outer part of J_p bends the share by which hammer and sensor ride on that part
 
-(the two-mass eigenproblem solved for the joint). lambda may be the lower or the upper one of the two. A base that ended at
-neither says nothing; so what the recordings themselves ring at is tried as well, with the inertia that was expected. Over a
-grid of w and s, and of how it lies where that differs from posture to posture, the nearest to the data is fitted; from a
-small share the search would have to take the base through what explains nothing.
+(the two-mass eigenproblem solved for the joint). lambda may be the lower or the upper one of the two. Where the recordings
+ring at another, mu, as well, w lies between them and the share follows:
+
+    mount:      1 + s = w^2 (mu (w^2 - mu) - lambda (w^2 - lambda))/(lambda mu (lambda - mu))
+    neighbour:  s = (lambda - mu)/(mu^2/(w^2 - mu) - lambda^2/(w^2 - lambda))
+
+A base that ended at neither says nothing; so what the recordings themselves ring at is tried as well, with the inertia that
+was expected. Over a grid of w and s, and of how it lies where that differs from posture to posture, the nearest to the data
+is fitted; from a small share the search would have to take the base through what explains nothing.
 """
 
 from __future__ import annotations
@@ -56,6 +61,12 @@ HEAVIEST = 0.85  # of the arm's inertia, a neighbour or an outer part
 BEGUN = (12, 35)  # steps and simulations, after which one that explains little is left
 RIDES = 0.8  # the share by which hammer and sensor ride on the outer part of an arm, to begin with
 LIGHTEST = 0.1  # of the base's inertia, what is left to the joint
+BETWEEN = 12  # frequencies of a mode that two resonances are laid out for
+APART, TOGETHER = (
+    0.05,
+    0.1,
+)  # of their squares' ratio: farther apart, or nearer, they are not one joint's and one mode's
+MOST = 5.0  # the share of a mount
 RINGING = 2  # highest peaks of the recordings, tried beside the parent's own resonance
 BAND = (0.3, 4.0)  # times the joint's resonance, in which they are sought
 
@@ -115,6 +126,7 @@ def heavy_modes(
             for start in (
                 *_starts(theta, trial),
                 *(s for squared in peaks for s in _expected(expected, trial, squared)),
+                *(s for squared in peaks for s in _of_two(theta, trial, squared)),
             )
         ]
         if not starts:
@@ -181,6 +193,47 @@ def _expected(start: Vector, trial: ActiveEffect, squared: float) -> Iterator[tu
         base = start.copy()
         base[_K] = joint[0] / joint[1] * start[_J]
         yield base, _moved(trial, own, share, float(start[_J]))
+
+
+def _of_two(theta: Vector, trial: ActiveEffect, other: float) -> Iterator[tuple[Vector, ActiveEffect]]:
+    """The same where the recordings ring at ``other`` too: the share with which both are the joint's and the mode's."""
+    squared, expected = float(theta[_K] / theta[_J]), float(theta[_J])
+    mount = trial.spec.variant in MOUNTS
+    rides = RIDES if trial.spec.variant in LINKS else 0.0
+    if not APART < other / squared < 1.0 / APART or abs(other / squared - 1.0) < TOGETHER:
+        return
+    for own in np.geomspace(min(squared, other), max(squared, other), BETWEEN + 2)[
+        1:-1
+    ]:  # they lie on either side of it
+        share = between_mount(squared, other, own) if mount else between_neighbour(squared, other, own)
+        if share is None or not (0.0 < share < (MOST if mount else HEAVIEST)):
+            continue
+        joint = (
+            beside_mount(squared, expected, own, share)
+            if mount
+            else beside_neighbour(squared, expected, own, share, rides)
+        )
+        if joint is None or not LIGHTEST * expected < joint[1] < expected / LIGHTEST:
+            continue
+        base = theta.copy()
+        base[_K], base[_J] = joint
+        base[_C] *= joint[1] / expected
+        yield base, _moved(trial, float(own), share, joint[1])
+
+
+def between_mount(one: float, other: float, own: float) -> float | None:
+    """Share of a mount of ``own`` w^2 with which a joint resonates at both lambdas [rad^2/s^2]; ``None`` where none does."""
+    apart = one * other * (one - other)
+    difference = other * (own - other) - one * (own - one)
+    return difference * own / apart - 1.0 if apart != 0.0 else None
+
+
+def between_neighbour(one: float, other: float, own: float) -> float | None:
+    """The same of a neighbour, or of an outer part that is this share of J_L."""
+    if own in (one, other):
+        return None
+    lever = other**2 / (own - other) - one**2 / (own - one)
+    return (one - other) / lever if lever != 0.0 else None
 
 
 def _beside(

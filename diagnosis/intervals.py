@@ -90,8 +90,8 @@ def with_form(where: Coordinates, x: Vector, errors: Vector) -> Vector:
     return found
 
 
-def like_nothing(objective: Objective, fit: Fit) -> tuple[EffectSpec, ...]:
-    """Laws of the fit whose size's 95 % interval holds the one at which they are absent.
+def like_nothing(objective: Objective, fit: Fit, wider: float = 1.0) -> tuple[EffectSpec, ...]:
+    """Laws of the fit whose size's 95 % interval, ``wider`` times as wide, holds the one at which they are absent.
 
     A mismatch of no effect's form is taken for a small one in some runs and for its opposite in others, whatever the
     likelihood says. Of a bend the inertia times what hammer and sensor see of it is known, and neither by itself: the size
@@ -102,7 +102,10 @@ def like_nothing(objective: Objective, fit: Fit) -> tuple[EffectSpec, ...]:
     alike = []
     for spec, rows in zip(where.effects, where.effect_slices(), strict=True):
         null, size = spec.parameters[spec.amplitude].null, found[rows.start + spec.amplitude]
-        if null is not None and size.low <= null <= size.high:
+        if null is None:
+            continue
+        below, above = size.value - size.low, size.high - size.value
+        if size.value - wider * below <= null <= size.value + wider * above:
             alike.append(spec)
     return tuple(alike)
 

@@ -11,10 +11,20 @@ import numpy as np
 
 from jointscope.diagnosis.adjudicate import compare, score
 from jointscope.diagnosis.effects.periodic import MOTOR_ORDER, turn_of
-from jointscope.diagnosis.errors import ChannelError, Free, channel_errors, mean_error, mean_floor, without_drift
+from jointscope.diagnosis.errors import (
+    ChannelError,
+    Free,
+    channel_errors,
+    grouped,
+    mean_error,
+    mean_floor,
+    without_drift,
+)
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
+from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.outside import resembled
-from jointscope.diagnosis.verdict import TOO_MANY, adequacy_of
+from jointscope.diagnosis.repeats import LIKELY
+from jointscope.diagnosis.verdict import LACKING, TOO_MANY, adequacy_of
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
@@ -41,6 +51,10 @@ NEARLY_WHOLE, HARDLY_NEARER, FAR_OFF = (
     0.7,  # ... of what the base leaves there beyond the noise, above which that is little ...
     0.05,  # ... where as much of the signal is left
 )
+SOMEWHERE = (
+    0.001  # of the base's error in one channel of one experiment, by which a named effect must lower it there
+)
+FAINT = 1.4  # times its interval, within which an effect is not far from nothing
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
 
@@ -84,6 +98,26 @@ def explains_little(explained: float, told: Sequence[ChannelError], base: Sequen
 def may_follow(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
     """Whether an effect may be named in place of a likelier one that foretold worse: by errors that are no worse."""
     return not told or mean_error(told) <= (1.0 + WORSE) * mean_error(base)
+
+
+def better_somewhere(told: Sequence[ChannelError], base: Sequence[ChannelError]) -> bool:
+    """Whether any channel of any experiment is foretold better than by the base, a hit's own gain and time taken off or not.
+
+    So it is, for all that these runs can say, where the base is beyond telling.
+    """
+
+    def blocks(errors: Sequence[ChannelError], apart: bool) -> dict[tuple[str, str], float]:
+        own = [replace(e, error=e.apart) if apart and math.isfinite(e.apart) else e for e in errors]
+        return {
+            (experiment, channel): error
+            for experiment, channels in grouped(own).items()
+            for channel, error in channels.items()
+        }
+
+    compared = [
+        (blocks(told, apart)[key], error) for apart in (False, True) for key, error in blocks(base, apart).items()
+    ]
+    return any(error > LOST or own < (1.0 - SOMEWHERE) * error for own, error in compared)
 
 
 def noise_alone(errors: Sequence[ChannelError]) -> bool:
@@ -151,6 +185,9 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     however far they do; and where they never come to the place that shows it (a stop), while they are foretold about as
     well. Where the base foretells them to within their noise none of this excuses an effect that does not.
 
+    What is better in no channel of any experiment is shown by none: the likelihood had it from the colour of a noise.
+    Nor is one effect that is all in all no better and not far from nothing.
+
     What explains far from all of the fitted runs and little of the held-out ones is no answer either (``explains_little``).
     """
     decision, held = diagnosis.decision, diagnosis.split.held_out
@@ -191,6 +228,28 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
             adequacy=adequacy_of(diagnosis.judgement, base),
         )  # fmt: skip
 
+    def shown(judged: Judged) -> bool:
+        if compare(diagnosis.judgement, base, judged).unreached:
+            return True
+        faint = len(judged.names) == 1 and like_nothing(diagnosis.judgement.objective, judged.fit, FAINT)
+        if faint and error(judged)[0] >= of_base[0]:
+            return False
+        return better_somewhere(errors_of(judged), errors_of(base))
+
+    if decision.verdict == "effects" and not shown(decision.chosen):
+        fit = adequacy_of(diagnosis.judgement, base)
+        if fit.base_left > LACKING:
+            return replace(diagnosis, decision=unlisted())
+        bare = replace(
+            decision,
+            verdict="none",
+            chosen=base,
+            probability=LIKELY,
+            unknown_reason=None,
+            candidates=(),
+            adequacy=fit,
+        )
+        return replace(diagnosis, decision=bare)
     if not worse(decision.chosen):
         named, told = decision.verdict == "effects", error(decision.chosen)[1]
         little = named and explains_little(decision.adequacy.explained, told, of_base[1])

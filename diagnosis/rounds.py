@@ -327,7 +327,7 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in _first_of_each(arena)[:HOPES]):
         return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more).hypotheses
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
-    further.extend(heavy_modes(arena.objective, arena.base.fit, candidates))
+    further.extend(heavy_modes(first.objective, first.base.fit, candidates))
     if may_rattle(arena):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))
     if further:

@@ -345,7 +345,8 @@ def estimate_noise(
     for run in runs:
         for output in run.outputs:
             key, observed = block_key(run, output), run.mode == "observer" and output.quantity in ANGULAR
-            if way is not None and output.quantity in ACCELERATIONS and run.motor_moves in way.poles:
+            rings = output.quantity in ACCELERATIONS or output.quantity == "wind-up"
+            if way is not None and rings and run.motor_moves in way.poles:
                 own[key] = way.poles[run.motor_moves]
             if observed:  # what reaches an accelerometer through the resonance is taken off the input itself
                 poles[key] = (observer_corner(run), OBSERVER_ZETA)
