@@ -229,18 +229,19 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         )  # fmt: skip
 
     def shown(judged: Judged) -> bool:
-        if compare(diagnosis.judgement, base, judged).unreached:
+        against = compare(diagnosis.judgement, base, judged)
+        if against.unreached or (confirmed(against) and out_of_phase(problem, free, held, judged)):
             return True
         faint = len(judged.names) == 1 and like_nothing(diagnosis.judgement.objective, judged.fit, FAINT)
         if faint and error(judged)[0] >= of_base[0]:
             return False
         return better_somewhere(errors_of(judged), errors_of(base))
 
-    if decision.verdict == "effects" and not shown(decision.chosen):
+    def bare() -> Decision:
         fit = adequacy_of(diagnosis.judgement, base)
         if fit.base_left > LACKING:
-            return replace(diagnosis, decision=unlisted())
-        bare = replace(
+            return unlisted()
+        return replace(
             decision,
             verdict="none",
             chosen=base,
@@ -249,9 +250,11 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
             candidates=(),
             adequacy=fit,
         )
-        return replace(diagnosis, decision=bare)
+
     if not worse(decision.chosen):
         named, told = decision.verdict == "effects", error(decision.chosen)[1]
+        if named and not shown(decision.chosen):
+            return replace(diagnosis, decision=bare())
         little = named and explains_little(decision.adequacy.explained, told, of_base[1])
         return replace(diagnosis, decision=unlisted()) if little else diagnosis
     if decision.verdict == "unknown":

@@ -1,11 +1,21 @@
 """A mode as heavy as the arm is started where the joint beside it rings as the base that stood in for it does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.heavy_modes import beside_mount, beside_neighbour, heavy_modes
+from jointscope.diagnosis.heavy_modes import (
+    beside_mount,
+    beside_neighbour,
+    between_mount,
+    between_neighbour,
+    heavy_modes,
+)
+from jointscope.diagnosis.prepare import prepare
+from jointscope.diagnosis.refit import fitted_on
 
 SQUARED, INERTIA = (2.0 * np.pi * 25.0) ** 2, 3.0
 
@@ -93,3 +103,52 @@ def test_the_joint_under_an_outer_part_that_hammer_and_sensor_ride_on(factor, sh
     at = int(np.argmin(np.abs(squares / SQUARED - 1.0)))
     assert squares[at] == pytest.approx(SQUARED, rel=1e-9)
     assert answers[at] == pytest.approx(1.0 / INERTIA, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("beside", "between", "structure"),
+    [(beside_mount, between_mount, mount), (beside_neighbour, between_neighbour, neighbour)],
+)
+@pytest.mark.parametrize("share", [0.05, 0.18, 0.7])
+@pytest.mark.parametrize("own", [40.0, 61.0, 90.0])
+def test_two_resonances_and_the_modes_own_frequency_give_its_share_and_the_joint(
+    beside, between, structure, share, own
+):
+    own = (2.0 * np.pi * own) ** 2
+    one, other = structure(SQUARED * INERTIA, INERTIA, own, share)[0]
+    assert one < own < other
+    assert between(one, other, own) == pytest.approx(share, rel=1e-9)
+    assert between(other, one, own) == pytest.approx(share, rel=1e-9)
+    _, answers = structure(SQUARED * INERTIA, INERTIA, own, share)
+    K, J = beside(other, 1.0 / answers[1], own, share)  # the base took the upper one
+    assert (K, J) == pytest.approx((SQUARED * INERTIA, INERTIA), rel=1e-9)
+
+
+def test_no_share_puts_both_resonances_at_one_frequency():
+    assert between_mount(SQUARED, SQUARED, 2.0 * SQUARED) is None
+    assert between_neighbour(SQUARED, 2.0 * SQUARED, SQUARED) is None
+
+
+@pytest.fixture
+def elbow(builders, plant):
+    """Hits in three postures of a joint that a neighbour carries, whose axis lies beside its own."""
+    level = replace(plant, weight=1e-9)
+    runs = [builders.hammer_run(level, 100.0, f"a{i}", duration=0.7) for i in range(3)]
+    return prepare(
+        builders.campaign_of(
+            [replace(run, arm_angle=angle) for run, angle in zip(runs, (0.0, 0.8, 1.5), strict=True)]
+        )
+    )
+
+
+def test_a_neighbour_that_carries_the_joint_is_found_in_several_postures(elbow, recorded, base_and_trials):
+    """From the base's one resonance, what one posture lacks of it stood for all of it: a payload's."""
+    spec = next(s for s in catalogue(elbow) if s.variant == "carrier-turned")
+    effect = ActiveEffect(spec, (2.05 * elbow.scales.frequency, 0.51, 0.027, 0.625, 0.0, 1.25))
+    objective, base, _, candidates = base_and_trials(recorded(elbow, 2e-3, effects=(effect,)), (effect,))
+    found = [h for h in heavy_modes(objective, base, candidates) if h.specs[0].variant == spec.variant]
+    fit = min((fitted_on(objective, h.fit, 80, 600) for h in found), key=lambda fit: fit.chi2)
+    assert fit.chi2 < 1.2 * len(fit.w) < 0.2 * base.chi2
+    theta, (mode,) = fit.coordinates.unpack(fit.x)
+    assert mode.values[:2] == pytest.approx(effect.values[:2], rel=0.15)
+    assert theta[0] == pytest.approx(elbow.base.start[0], rel=0.03)

@@ -93,6 +93,15 @@ def test_an_effect_whose_interval_holds_nothing_is_not_told_from_nothing(
     assert alike == (() if told else where.effects)
 
 
+@pytest.mark.parametrize(("wider", "told"), [(1.0, True), (1.9, True), (2.1, False)])
+def test_a_size_may_be_asked_to_be_farther_from_nothing_than_its_interval(monkeypatch, wider, told):
+    where = coordinates_of(spec_of("coulomb-friction", "plain"))
+    found = (Estimate(2.0, 1.0, 3.0), *(Estimate(0.0, -1.0, 1.0) for _ in where.effects[0].parameters[1:]))
+    monkeypatch.setattr(intervals, "estimates", lambda objective, fit: found)
+    alike = intervals.like_nothing(None, SimpleNamespace(coordinates=where, fresh=True), wider)
+    assert alike == (() if told else where.effects)
+
+
 def test_of_a_bend_the_size_is_asked_for_at_its_shape():
     """Inertia and shape move every sample alike, so neither is known by itself; their product is."""
     spec = spec_of("link-flexibility", "one-shape")

@@ -10,6 +10,7 @@ from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import whitened
 from jointscope.diagnosis.opening import up_to
+from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import Effort
 
@@ -59,3 +60,21 @@ def test_what_is_near_the_data_has_no_mode_tried(problem, recorded, tried):
     base, found = tried(recorded(problem, 2e-3), ())
     assert found == []
     assert np.isfinite(base.chi2)
+
+
+def test_a_mount_that_slides_one_way_is_found_from_the_one_that_slides_along_every_tangent(
+    builders, plant, recorded, tried
+):
+    level = replace(plant, weight=1e-9)
+    runs = [builders.hammer_run(level, 100.0, f"a{i}", duration=0.7) for i in range(4)]
+    angles = (0.0, 0.0, 0.9, 0.9)
+    problem = prepare(builders.campaign_of([replace(r, arm_angle=q) for r, q in zip(runs, angles, strict=True)]))
+    spec = next(s for s in catalogue(problem) if s.variant == "sliding-mount-turned")
+    effect = ActiveEffect(spec, (1.5 * problem.scales.frequency, 0.03, 0.024, 1.1, 0.0))
+    base, found = tried(recorded(problem, 2e-3, effects=(effect,)), (effect,))
+    best = min(found, key=lambda h: h.loss)
+    assert best.specs[0].variant == spec.variant
+    assert best.fit.chi2 < 0.01 * base.chi2
+    (law,) = best.fit.coordinates.unpack(best.fit.x)[1]
+    assert law.values[0] == pytest.approx(effect.values[0], rel=0.02)
+    assert abs(np.sin(law.values[4])) < 0.3

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis import no_worse as last_word
 from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.adjudicate import judge
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
@@ -16,6 +17,7 @@ from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_dr
 from jointscope.diagnosis.locate import Places
 from jointscope.diagnosis.no_worse import (
     SECOND_CHOICE,
+    better_somewhere,
     borne,
     clearly_better,
     explains_little,
@@ -27,7 +29,7 @@ from jointscope.diagnosis.predict import predict_outputs
 
 
 @pytest.fixture
-def answered(problem, deciding, monkeypatch):
+def asked(problem, deciding, monkeypatch):
     """The diagnosis of a joint that is the base, where the evidence had named the effects given."""
     silenced = {
         "explore": (None, []), "second_look": [], "remainders": (), "places": Places((), {}, None), "suggest": None, "unseen": (),
@@ -51,10 +53,62 @@ def sized(problem, name, location, factor):
     return ActiveEffect(spec, tuple(values))
 
 
+@pytest.fixture
+def answered(asked, monkeypatch):
+    """The same where whatever is named betters something somewhere and is far from nothing."""
+    monkeypatch.setattr(last_word, "better_somewhere", lambda *_: True)
+    monkeypatch.setattr(last_word, "like_nothing", lambda *_: ())
+    return asked
+
+
 def test_an_effect_that_foretells_worse_is_not_named(problem, answered):
     decision = answered(sized(problem, "coulomb-friction", "load", 2.0))
     assert decision.verdict == "unknown" and decision.unknown_reason == "outside-catalogue"
     assert decision.chosen.names == ()
+
+
+def test_an_effect_that_is_better_nowhere_is_not_named(problem, asked, monkeypatch):
+    """Of no size it foretells no worse, and nothing better: the likelihood alone had named it."""
+    nothing = sized(problem, "backlash", "transmission", 0.0)
+    monkeypatch.setattr(last_word, "like_nothing", lambda *_: ())
+    decision = asked(nothing)
+    assert decision.verdict == "none" and decision.chosen.names == ()
+
+
+def test_one_that_is_not_far_from_nothing_and_all_in_all_no_better_is_not_named(problem, asked, monkeypatch):
+    nothing = sized(problem, "backlash", "transmission", 0.0)
+    monkeypatch.setattr(last_word, "better_somewhere", lambda *_: True)
+    monkeypatch.setattr(last_word, "like_nothing", lambda *_: ())
+    assert asked(nothing).verdict == "effects"
+    monkeypatch.setattr(last_word, "like_nothing", lambda *_: ("backlash",))
+    assert asked(nothing).verdict == "none"
+
+
+@pytest.mark.parametrize(
+    ("told", "apart", "base", "better"),
+    [
+        ((0.20, 0.099), (math.nan, math.nan), (0.20, 0.10), True),  # one channel of two
+        ((0.20, 0.10), (math.nan, math.nan), (0.20, 0.10), False),
+        ((0.25, 0.11), (math.nan, math.nan), (0.20, 0.10), False),
+        ((0.21, 0.11), (0.05, math.nan), (0.20, 0.10), True),  # once the hit's own gain is taken off
+        (
+            (2.5, 1.8),
+            (math.nan, math.nan),
+            (2.1, 1.6),
+            True,
+        ),  # nothing can be told by runs that the base is lost in
+    ],
+)
+def test_better_in_one_channel_of_one_experiment_is_shown(told, apart, base, better):
+    def errors(values, own):
+        channels = ("linear-acceleration@arm", "angle@arm")
+        return [
+            ChannelError("r", "hammer", channel, value, 0.01, x)
+            for channel, value, x in zip(channels, values, own, strict=True)
+        ]
+
+    own = tuple(b if math.isfinite(a) else math.nan for a, b in zip(apart, base, strict=True))
+    assert better_somewhere(errors(told, apart), errors(base, own)) is better
 
 
 def test_one_that_foretells_no_worse_stays_and_follows_one_that_does(problem, answered):
@@ -264,3 +318,20 @@ def test_a_line_is_out_of_phase_where_the_motor_is_elsewhere_by_much_of_its_peri
 def replace_angle(problem, angle):
     output = SimpleNamespace(**{**vars(problem.runs[0].outputs[0]), "data": angle})
     return SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), ratio=60.0),))
+
+
+@pytest.mark.parametrize(("topology", "spring", "commanded", "drifts"), [
+    ("single-dof", False, True, True),  # no loop of a drive is foretold around a rigid axis
+    ("single-dof", True, True, False),
+    ("two-inertia", True, True, False),
+    ("two-inertia", True, False, True),
+])  # fmt: skip
+def test_an_angle_drifts_off_where_no_loop_of_a_drive_holds_it(topology, spring, commanded, drifts):
+    run = SimpleNamespace(
+        run=SimpleNamespace(id="r"), spring=spring, motor_moves=topology == "two-inertia",
+        speed_command=object() if commanded else None,
+    )  # fmt: skip
+    problem = SimpleNamespace(rig=SimpleNamespace(topology=topology), runs=(run,))
+    told = [ChannelError("r", "speed-motion", "linear-acceleration@arm", 0.1, 0.01)]
+    angle = ChannelError("r", "speed-motion", "angle@arm", 2.0, 0.01)
+    assert without_drift(problem, [angle, *told]) == (told if drifts else [angle, *told])

@@ -1,11 +1,12 @@
 """Refits under the common noise: no part of a set may be a worse fit than the base, which is a part of every set."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
-from jointscope.diagnosis.polish import no_part_below_the_base, worth_judging
+from jointscope.diagnosis.polish import beside_the_data, no_part_below_the_base, worth_judging
 from jointscope.diagnosis.search import Hypothesis
 
 NOISE = 2e-3  # of each channel's rms
@@ -81,3 +82,22 @@ def test_of_the_laws_of_one_set_those_far_behind_its_best_are_not_judged():
     other, its_form, its_wrong = (standing_at(("b@motor",), loss) for loss in (9000.0, 10_500.0, 11_500.0))
     judged = worth_judging([base, leader, form, wrong, other, its_form, its_wrong])
     assert judged == [base, leader, form, other, its_form]
+
+
+def test_a_base_that_predicts_next_to_nothing_is_no_refit_of_one_that_is_near_the_data(sets):
+    """Under scatter of the hits all of a ring may be a hit's gain; a refit that stays with the data is taken."""
+    theta, made = sets
+    objective, (base, _, _) = made(theta)
+    heavy, near = theta.copy(), theta.copy()
+    heavy[objective.problem.base.names.index("load_inertia")] *= 20.0
+    heavy[objective.problem.base.names.index("stiffness")] *= 20.0
+    near[0] *= 1.001
+    where = base.fit.coordinates
+
+    def at(values):
+        return Hypothesis((), replace(base.fit, x=where.pack(values, ())), 0.0)
+
+    kept = beside_the_data(objective, base, at(heavy))
+    assert (kept.fit.x == base.fit.x).all() and kept.fit.fresh
+    assert len(kept.fit.w) == kept.fit.jacobian.shape[0]
+    assert beside_the_data(objective, base, at(near)).fit.x == pytest.approx(where.pack(near, ()))
