@@ -19,6 +19,7 @@ from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.encoder_lines import without_encoder_lines
 from jointscope.diagnosis.force_left import force_left
 from jointscope.diagnosis.locate import Places, judged_table, places
+from jointscope.diagnosis.logged_hum import without_logged_hum
 from jointscope.diagnosis.main_order import in_main_order
 from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.memory import Memory
@@ -205,7 +206,8 @@ def diagnose(
         changes=changing,
         differing=differing,
     )
-    whole = handed_on(with_plain_base(whole, free_prediction), free_prediction)
+    whole = without_logged_hum(handed_on(with_plain_base(whole, free_prediction), free_prediction))
+    problem = whole.problem
     judgement = whole.judgement
     report("weighing what to record next")
     suggestion = suggest(problem, judgement, whole.decision, pool)
