@@ -119,19 +119,9 @@ def heavy_modes(
     expected, peaks = objective.problem.base.start, _peaks(objective.problem)
     without = profile_loss(objective, parent.w)
     found = []
-    for posed in [alike for trial in laws for alike in _posed(trial)]:
-        starts = [
-            start
-            for trial in posed
-            for start in (
-                *_starts(theta, trial),
-                *(s for squared in peaks for s in _expected(expected, trial, squared)),
-                *(s for squared in peaks for s in _of_two(theta, trial, squared)),
-            )
-        ]
-        if not starts:
-            continue
-        spec = posed[0].spec
+    groups = [group for trial in laws for group in _groups(theta, expected, peaks, trial)]
+    for starts in filter(None, groups):
+        spec = starts[0][1].spec
         where = coordinates(objective.problem, (*held, spec))
         base, active = starts[objective.nearest([(base, (*effects, active)) for base, active in starts])]
         x = where.pack(base, (*effects, active))
@@ -152,6 +142,23 @@ def _laws(candidates: Sequence[ActiveEffect], held: Sequence[EffectSpec]) -> lis
         if spec.family == "mode" and spec.variant in LAWS and name_of(spec) not in taken:
             first.setdefault(id(spec), active)
     return list(first.values())
+
+
+def _groups(
+    theta: Vector, expected: Vector, peaks: Sequence[float], trial: ActiveEffect
+) -> Iterator[list[tuple[Vector, ActiveEffect]]]:
+    """Starts of a law, those in valleys of their own apart: of each the nearest is fitted."""
+    for posed in _posed(trial):
+        yield [
+            start
+            for way in posed
+            for start in (
+                *_starts(theta, way),
+                *(s for squared in peaks for s in _expected(expected, way, squared)),
+            )
+        ]
+    if trial.spec.variant not in TURNED:
+        yield [start for squared in peaks for start in _of_two(theta, trial, squared)]
 
 
 def _posed(trial: ActiveEffect) -> list[list[ActiveEffect]]:
