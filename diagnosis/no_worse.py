@@ -54,7 +54,9 @@ NEARLY_WHOLE, HARDLY_NEARER, FAR_OFF = (
 SOMEWHERE = (
     0.001  # of the base's error in one channel of one experiment, by which a named effect must lower it there
 )
-FAINT = 1.4  # times its interval, within which an effect is not far from nothing
+FAINT = (
+    3.0 / 1.96
+)  # times its 95 % interval, within which an effect is not far from nothing: three standard errors
 SECOND = 0.5  # of the leading set's score, that a set which foretells them better must have to be named instead
 SECOND_CHOICE = 0.75  # of its probability that such an answer is given
 
