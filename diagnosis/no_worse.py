@@ -234,6 +234,10 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         against = compare(diagnosis.judgement, base, judged)
         if against.unreached or (confirmed(against) and out_of_phase(problem, free, held, judged)):
             return True
+        if any(
+            spec.profiled for spec in judged.hypothesis.specs
+        ):  # what every run has for itself no input foretells
+            return True
         faint = len(judged.names) == 1 and like_nothing(diagnosis.judgement.objective, judged.fit, FAINT)
         if faint and error(judged)[0] >= of_base[0]:
             return False

@@ -212,7 +212,9 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False, 
 
     def judged(names, effects):
         return SimpleNamespace(
-            names=names, fit=SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, effects)))
+            names=names,
+            fit=SimpleNamespace(x=None, coordinates=SimpleNamespace(unpack=lambda x: (None, effects))),
+            hypothesis=SimpleNamespace(specs=()),
         )
 
     against = SimpleNamespace(held_gain=held_gain, foretold_held=1000.0, unreached=unreached)
@@ -220,6 +222,8 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False, 
     monkeypatch.setattr(no_worse, "channel_errors", errors)
     monkeypatch.setattr(no_worse, "adequacy_of", lambda *_: None)
     monkeypatch.setattr(no_worse, "out_of_phase", lambda *_: lost)
+    monkeypatch.setattr(no_worse, "better_somewhere", lambda *_: True)
+    monkeypatch.setattr(no_worse, "like_nothing", lambda *_: ())
     monkeypatch.setattr(no_worse, "replace", lambda thing, **new: SimpleNamespace(**{**vars(thing), **new}))
     base, chosen = judged((), ()), judged(("backlash@transmission",), ("gap",))
     decision = SimpleNamespace(
@@ -230,8 +234,9 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False, 
     )
     run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"))
     diagnosis = SimpleNamespace(
-        decision=decision, split=SimpleNamespace(held_out=(0,)), problem=SimpleNamespace(runs=(run,)),
-        judgement=SimpleNamespace(base=base, judged=(base,), noise=None),
+        decision=decision, split=SimpleNamespace(held_out=(0,)),
+        problem=SimpleNamespace(runs=(run,), rig=SimpleNamespace(topology="two-inertia")),
+        judgement=SimpleNamespace(base=base, judged=(base,), noise=None, objective=None),
     )  # fmt: skip
     return no_worse.handed_on(diagnosis, None).decision.verdict == "effects"
 

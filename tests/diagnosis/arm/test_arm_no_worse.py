@@ -14,6 +14,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 import planar  # type: ignore[import-not-found]
 
+from jointscope.diagnosis import no_worse
 from jointscope.diagnosis.adequacy import Adequacy, Block
 from jointscope.diagnosis.arm import pipeline
 from jointscope.diagnosis.arm.effects import arm_catalogue
@@ -42,6 +43,8 @@ def test_an_effect_that_foretells_worse_is_not_named(twice, deciding, monkeypatc
     values.insert(spec.amplitude, spec.parameters[spec.amplitude].null + factor * spec.scale(twice)[2])
     monkeypatch.setattr(pipeline, "explore", lambda *_: (SimpleNamespace(trials=()), []))
     monkeypatch.setattr(pipeline, "answered", lambda j: deciding(j, ActiveEffect(spec, tuple(values))))
+    monkeypatch.setattr(no_worse, "better_somewhere", lambda *_: True)
+    monkeypatch.setattr(no_worse, "like_nothing", lambda *_: ())
     with ThreadPoolExecutor(1) as pool:
         decision = pipeline.diagnose_arm(twice, pool).decision
     assert decision.verdict == verdict
