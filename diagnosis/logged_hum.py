@@ -10,8 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.mains import KEPT_TO, MAINS, MULTIPLES
-from jointscope.diagnosis.repeats import LIKELY
-from jointscope.diagnosis.verdict import adequacy_of
+from jointscope.diagnosis.verdict import adequacy_of, nothing_named
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
@@ -40,13 +39,5 @@ def without_logged_hum(diagnosis: Diagnosis) -> Diagnosis:
     said = f"hum of {line:.2f} Hz, a multiple of the mains', in the torque log: it moves nothing and is the recording's own"
     problem = replace(diagnosis.problem, findings=(*diagnosis.problem.findings, said))
     base = diagnosis.judgement.base
-    bare = replace(
-        decision,
-        verdict="none",
-        chosen=base,
-        probability=LIKELY,
-        unknown_reason=None,
-        candidates=(),
-        adequacy=adequacy_of(diagnosis.judgement, base),
-    )
+    bare = replace(nothing_named(decision, base), adequacy=adequacy_of(diagnosis.judgement, base))
     return replace(diagnosis, problem=problem, decision=bare)

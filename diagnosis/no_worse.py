@@ -23,8 +23,7 @@ from jointscope.diagnosis.errors import (
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
 from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.outside import resembled
-from jointscope.diagnosis.repeats import LIKELY
-from jointscope.diagnosis.verdict import LACKING, TOO_MANY, adequacy_of
+from jointscope.diagnosis.verdict import LACKING, TOO_MANY, adequacy_of, nothing_named
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
@@ -247,15 +246,7 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         fit = adequacy_of(diagnosis.judgement, base)
         if fit.base_left > LACKING:
             return unlisted()
-        return replace(
-            decision,
-            verdict="none",
-            chosen=base,
-            probability=LIKELY,
-            unknown_reason=None,
-            candidates=(),
-            adequacy=fit,
-        )
+        return replace(nothing_named(decision, base), adequacy=fit)
 
     if not worse(decision.chosen):
         named, told = decision.verdict == "effects", error(decision.chosen)[1]

@@ -10,19 +10,17 @@ with a standard error of 0.9e-4: takes seldom tell, and what sweeps are made to 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.adjudicate import Judgement
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.effects.spec import made_to_show
 from jointscope.diagnosis.problem import PreparedRun
-from jointscope.diagnosis.verdict import Decision
+from jointscope.diagnosis.verdict import Decision, nothing_named
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import EffectSpec
 
-LIKELY = 0.7  # that nothing is missing then
 TOLD = 2.0  # standard errors of what takes share, beyond which an effect that they should share is missed
 
 
@@ -44,9 +42,7 @@ def with_what_repeats(judgement: Judgement, decision: Decision) -> Decision:
     hardly = not all(made_to_show(spec, runs) for spec in decision.chosen.hypothesis.specs)
     if own or not told or not (missed or hardly) or decision.adequacy.base_left > 0.0:
         return decision
-    return replace(
-        decision, verdict="none", chosen=judgement.base, probability=LIKELY, unknown_reason=None, candidates=()
-    )
+    return nothing_named(decision, judgement.base)
 
 
 def _acts_anew(spec: EffectSpec) -> bool:

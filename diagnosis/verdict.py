@@ -53,6 +53,7 @@ NEARLY_ALL = 0.9  # ... unless it explains this of the mismatch's energy
 EXPLAINED = 0.6  # of the mismatch's energy, below which the best candidate is no answer (45 named: at least 0.73)
 TOUCHED = 0.05  # of the mismatch's energy, by which a set changes what it acts on
 MATERIAL_LEFT = 0.01  # of the signal's rms that must be left for that
+LIKELY = 0.7  # that nothing is missing where a name was taken back
 UNNAMED = 40.0  # nats of a force without a name above which "none" is no answer
 UNHEARD = 0.0005  # of the signal's rms, which the best of records holds: an unnamed force that does less is none
 MORE_LEFT = 0.5  # of what the named effects gained, still left following the input: then they are no answer
@@ -278,6 +279,11 @@ def decide(judgement: Judgement) -> Decision:
         alike = tuple(r.names for r in near)
         return Decision("unknown", top.judged, together, ranking, "not-identifiable", alike, fit)
     return Decision("effects", top.judged, top.probability, ranking, None, (), fit)
+
+
+def nothing_named(decision: Decision, base: Judged) -> Decision:
+    """``none`` in place of a name that something beside the evidence speaks against."""
+    return replace(decision, verdict="none", chosen=base, probability=LIKELY, unknown_reason=None, candidates=())
 
 
 def with_remainder(decision: Decision, left: Sequence[Remainder]) -> Decision:

@@ -38,6 +38,7 @@ from jointscope.diagnosis.noise import (
 from jointscope.diagnosis.poles import Pole
 from jointscope.diagnosis.prediction_error import prediction_errors
 from jointscope.diagnosis.scattered import less_scatter
+from jointscope.diagnosis.wind_up import WIND_UP
 from jointscope.diagnosis.zeros import zero_scatter, zeros
 
 if TYPE_CHECKING:
@@ -345,8 +346,7 @@ def estimate_noise(
     for run in runs:
         for output in run.outputs:
             key, observed = block_key(run, output), run.mode == "observer" and output.quantity in ANGULAR
-            rings = output.quantity in ACCELERATIONS or output.quantity == "wind-up"
-            if way is not None and rings and run.motor_moves in way.poles:
+            if way is not None and output.quantity in (*ACCELERATIONS, WIND_UP) and run.motor_moves in way.poles:
                 own[key] = way.poles[run.motor_moves]
             if observed:  # what reaches an accelerometer through the resonance is taken off the input itself
                 poles[key] = (observer_corner(run), OBSERVER_ZETA)
