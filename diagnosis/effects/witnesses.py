@@ -60,7 +60,7 @@ def moved(run: Run, place: Place) -> bool | None:
     if not (hammer and witnesses and arm):
         return None
     force = hammer[0]
-    struck = force.stream.start + int(np.argmax(np.abs(force.samples))) / force.sampling_rate
+    struck = force.stream.start + int(np.argmax(np.nan_to_num(np.abs(force.samples)))) / force.sampling_rate
     loudest = max(_rung(signal, struck)[1] for signal in arm)
     heard = [_rung(signal, struck) for signal in witnesses]
     return any(after > max(_ABOVE_REST * before, _PART * loudest) for before, after in heard)
