@@ -22,7 +22,8 @@ from scipy.ndimage import uniform_filter1d
 
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.noise import ANGULAR, Key, NoiseModel, block_key, dynamic_level, fast_part, quantum
-from jointscope.diagnosis.whiten import is_hit, run_whitener, without_scatter
+from jointscope.diagnosis.own_hit import is_hit
+from jointscope.diagnosis.whiten import run_whitener, without_scatter
 from jointscope.recordings.campaign import FORCES
 
 if TYPE_CHECKING:

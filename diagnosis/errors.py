@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
-from jointscope.diagnosis.whiten import departure_columns, is_hit, least_scatter, within_scatter
+from jointscope.diagnosis.own_hit import departure_columns, is_hit, least_scatter, within_scatter
 from jointscope.recordings.drift import FOLLOWING
 
 if TYPE_CHECKING:

@@ -32,6 +32,7 @@ Respond = Callable[["PreparedRun"], tuple[Vector, ...]]
 Pushes = tuple[NDArray[np.float64], ...]
 VISCOUS = ("motor_damping", "load_damping")
 VISCOSITY = 0.03  # of viscous friction, by which it scatters from run to run: oil of one kelvin more
+STRENGTH = 0.03  # of a hit's force, by which its gain scatters
 STEP = 5.0  # times the noise, by which one sample is moved to find h
 
 
@@ -55,10 +56,13 @@ def pushes(
         return predict(moved, theta, effects, problem)
 
     if run.run.experiment == "hammer":
-        return _of_the_contact(run, respond, predicted)
-    found = [_of_the_log(run, respond, predicted)]
-    if oil:
-        found.append(_of_the_oil(predict(run, _warmer(problem, theta), effects, problem), predicted))
+        found = [_of_the_contact(run, respond, predicted)]
+        if run.mode == "observer":
+            found.append(_of_the_strength(run, respond, predicted))
+    else:
+        found = [_of_the_log(run, respond, predicted)]
+        if oil:
+            found.append(_of_the_oil(predict(run, _warmer(problem, theta), effects, problem), predicted))
     known = [p for p in found if p is not None]
     return tuple(np.concatenate(columns, axis=1) for columns in zip(*known, strict=True)) if known else None
 
@@ -68,6 +72,22 @@ def _warmer(problem: Problem, theta: Vector) -> Vector:
     moved = theta.copy()
     moved[[name.startswith(VISCOUS) for name in problem.base.names]] *= 1.0 - VISCOSITY
     return moved
+
+
+def _of_the_strength(run: PreparedRun, respond: Respond, predicted: Sequence[Vector]) -> Pushes | None:
+    """What one standard deviation of a hit's own gain does where an observer holds the model to the recorded angle.
+
+    There the response is no multiple of the force: most of the motion is the record's.
+    """
+    load = run.load
+    if load is None:
+        return None
+    gain = 1.0 + STRENGTH
+    signal = bandlimited(gain * load.samples, load.signal.rate, load.signal.start)
+    harder = replace(load, samples=gain * load.samples, signal=signal)
+    after = respond(replace(run, load=harder, load_half=gain * run.load_half))
+    columns = tuple((z - y)[:, None] for z, y in zip(after, predicted, strict=True))
+    return columns if all(np.all(np.isfinite(c)) for c in columns) else None
 
 
 def _of_the_oil(warmer: Sequence[Vector], predicted: Sequence[Vector]) -> Pushes | None:

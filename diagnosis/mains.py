@@ -1,7 +1,8 @@
 """Hum of the mains taken off: a line at a multiple of 50 or 60 Hz, as weak as cables pick it up, is no physics of the joint.
 
 A shaken floor and a ground loop look alike in one accelerometer. What tells them is the frequency, which a grid keeps to
-0.2 %, and the size: a line of the mains below 2 % of a channel's signal is taken for the recording's. In each record,
+0.2 %, and the size: a line of the mains below 2 % of a channel's signal, or below its white noise, is taken for the
+recording's. In each record,
 
     y - Re(a exp(i 2 pi f t)),  a = 2 sum h r exp(-i 2 pi f t) / sum h,
 
@@ -18,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.channels import ACCELERATIONS
+from jointscope.diagnosis.input_noise import white_part
 from jointscope.diagnosis.noise import dynamic_level
+from jointscope.diagnosis.own_hit import is_hit
 from jointscope.diagnosis.resolution import clips
-from jointscope.diagnosis.whiten import is_hit
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.objective import Predict
@@ -32,10 +34,11 @@ MAINS = (50.0, 60.0)  # Hz
 KEPT_TO = 0.002  # of its frequency, to which a grid is kept
 MULTIPLES = 6  # of it that cables pick up
 TRIED = 41  # frequencies within that band
-HUM = 0.02  # of a channel's signal, rms, below which such a line is the recording's
+HUM = 0.02  # of a channel's signal, rms, below which such a line is the recording's, as it is below the channel's noise
 BESIDE = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0)  # widths 1/T to either side, whose power a line is held against
 SHORT = 0.25  # s of quiet, below which a line and its neighbours are one
-STANDS = 12.0  # standard deviations by which its power over all records must exceed theirs
+STANDS = 12.0  # standard deviations by which its power over all records must exceed theirs ...
+BESIDE_ANOTHER = 4.0  # ... and by which that of another multiple of the same grid's must
 
 
 def without_hum(problem: Problem, theta: Vector, predict: Predict) -> Problem:
@@ -49,7 +52,7 @@ def without_hum(problem: Problem, theta: Vector, predict: Predict) -> Problem:
         [np.nan_to_num(o.data - y) for o, y in zip(run.outputs, predict(run, theta, (), problem), strict=True)]
         for run in problem.runs
     ]
-    found = [f for mains in MAINS for f in _lines(problem, left, mains)]
+    found = sorted({round(f, 6) for mains in MAINS for f in _lines(problem, left, mains)})
     if not found:
         return problem
     runs = tuple(
@@ -66,7 +69,7 @@ def _lines(problem: Problem, left: Sequence[Sequence[Vector]], mains: float) -> 
     heard: dict[int, tuple[Vector, Vector]] = {}
     for k in range(1, MULTIPLES + 1):
         takes = [
-            (_quietly(run, o, r), dynamic_level(o))
+            (_quietly(run, o, r), max(HUM * dynamic_level(o), white_part(r[_quiet(run, o)])))
             for run, rows in zip(problem.runs, left, strict=True)
             for o, r in zip(run.outputs, rows, strict=True)
             if _can_hum(run, o, k * mains)
@@ -76,14 +79,18 @@ def _lines(problem: Problem, left: Sequence[Sequence[Vector]], mains: float) -> 
         beside = np.array([_beside(quiet, k * mains) for quiet, _ in takes])
         power = np.stack([np.square(np.abs(_amplitudes(quiet, k * tried))) for quiet, _ in takes], axis=1)
         excess = (np.sum(power / beside, axis=1) - len(takes)) / np.sqrt(len(takes))
-        level = np.array([size for _, size in takes])
-        sizes = np.median(np.sqrt(0.5 * np.maximum(power - beside, 0.0)) / level, axis=1)
-        if np.max(excess) > STANDS:
-            heard[k] = (excess, sizes)
-    if not heard:
+        weak = np.array([size for _, size in takes])
+        sizes = np.median(np.sqrt(0.5 * np.maximum(power - beside, 0.0)) / weak, axis=1)
+        heard[k] = (excess, sizes)
+    loud = [excess for excess, _ in heard.values() if np.max(excess) > STANDS]
+    if not loud:
         return []
-    best = int(np.argmax(sum(excess for excess, _ in heard.values())))
-    return [float(k * tried[best]) for k, (_, sizes) in heard.items() if sizes[best] < HUM]
+    best = int(np.argmax(sum(loud)))
+    return [
+        float(k * tried[best])
+        for k, (excess, sizes) in heard.items()
+        if excess[best] > BESIDE_ANOTHER and sizes[best] < 1.0
+    ]
 
 
 def _can_hum(run: PreparedRun, output: Output, frequency: float) -> bool:

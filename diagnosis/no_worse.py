@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.adjudicate import Judged
     from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.pipeline import Diagnosis
-    from jointscope.diagnosis.problem import Problem
+    from jointscope.diagnosis.problem import Output, Problem
     from jointscope.diagnosis.verdict import Decision
 
 WORSE = 0.01  # of the base's held-out error
@@ -144,17 +144,20 @@ def out_of_phase(problem: Problem, free: Free, held: Sequence[int], judged: Judg
     for i in held:
         run = problem.runs[i]
         orders = [_per_motor_turn(effect, run.ratio) for effect in effects if turn_of(effect)]
-        angle = next(
-            (k for k, o in enumerate(run.outputs) if (o.quantity, o.location) == ("angle", "motor")), None
-        )
-        if not orders or angle is None:
+        recorded, foretold = _angle_of_motor(run.outputs), _angle_of_motor(run.declared)
+        if not orders or recorded is None or foretold is None:
             continue
-        output = run.outputs[angle]
-        off = (output.data - free(run, theta, effects, problem)[angle])[output.mask]
-        turns = float(np.ptp(output.data[output.mask])) > math.tau / max(orders)
-        if turns and max(orders) * float(np.sqrt(np.mean(off**2))) > LOST_PHASE:
+        output, declared = run.outputs[recorded], run.declared[foretold]
+        told = np.interp(output.times, declared.times, free(run, theta, effects, problem)[foretold])
+        turned, off = (x - x[0] for x in (output.data[output.mask], (output.data - told)[output.mask]))
+        if np.ptp(turned) > math.tau / max(orders) and max(orders) * np.sqrt(np.mean(off**2)) > LOST_PHASE:
             return True
     return False
+
+
+def _angle_of_motor(outputs: Sequence[Output]) -> int | None:
+    """Where among outputs the motor's angle stands; what is foretold is every declared channel, at its stream's own rate."""
+    return next((k for k, o in enumerate(outputs) if (o.quantity, o.location) == ("angle", "motor")), None)
 
 
 def _per_motor_turn(line: ActiveEffect, ratio: float) -> float:

@@ -18,6 +18,7 @@ from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.bent_loop import bent_loop
+from jointscope.diagnosis.brake_first import brake_first
 from jointscope.diagnosis.briefly import briefly
 from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
@@ -313,6 +314,7 @@ def explore(
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
     singles.extend(fit_instead(first.objective, first.base.fit, (), screening, singles, effort))
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
+    singles.extend(brake_first(stage, first.objective, first.noise, first.base.fit, laws, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, problem, left, effort))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from jointscope.diagnosis.channels import ACCELERATIONS
-from jointscope.diagnosis.whiten import is_hit
+from jointscope.diagnosis.own_hit import is_hit
 
 if TYPE_CHECKING:
     from collections.abc import Collection

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.noise import ANGULAR, Key, block_key
-from jointscope.diagnosis.whiten import is_hit
+from jointscope.diagnosis.own_hit import is_hit
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.adequacy import Adequacy

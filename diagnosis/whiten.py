@@ -35,6 +35,14 @@ from jointscope.diagnosis.noise import (
     slowly_followed,
     white,
 )
+from jointscope.diagnosis.own_hit import (
+    SCATTERS,
+    is_hit,
+    least_scatter,
+    scatter_columns,
+    scatters_whole,
+    within_scatter,
+)
 from jointscope.diagnosis.poles import Pole
 from jointscope.diagnosis.prediction_error import prediction_errors
 from jointscope.diagnosis.scattered import less_scatter
@@ -48,7 +56,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 PRIOR_FREEDOM = 25.0  # degrees of freedom with which a run is believed to be as noisy as its kind
-SCATTERS = 3.0  # standard deviations, within which a hit's own gain, time and force noise are believed
 UNFELT = (
     0.1  # of the noise's power, below which the scatter along a direction is none: it costs time in every residual
 )
@@ -202,7 +209,7 @@ def without_scatter(
     for k, size in zero_scatter(run, noise).items():
         zero = float(np.mean(asked_only(left[k], below[k])[run.outputs[k].mask]))
         left[k] = left[k] - np.clip(zero, -3.0 * size, 3.0 * size)
-    if is_hit(run):
+    if scatters_whole(run):
         own = within_scatter(np.array(own_scatter(run, predicted, bare)), noise)
         left = [r - c @ own for r, c in zip(left, scatter_columns(run, predicted), strict=True)]
     if pushed is not None:
@@ -218,38 +225,6 @@ def own_scatter(run: PreparedRun, predicted: Sequence[Vector], bare: RunWhitener
     u = bare.filter(scatter_columns(run, predicted))
     gain, shift = least_scatter(u, w[:, 0])
     return float(gain), float(shift)
-
-
-def least_scatter(columns: NDArray[np.float64], left: Vector) -> Vector:
-    """Least-squares (gain [-], time [s]) of one hit from its :func:`departure_columns`, shape (2,)."""
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(columns / size, left, rcond=1e-8)[0] / size)
-
-
-def within_scatter(own: Vector, noise: NoiseModel) -> Vector:
-    """A hit's (gain, time) within three standard deviations of their scatter, shape (2,)."""
-    limit = SCATTERS * np.array([noise.gain, noise.timing])
-    return np.clip(own, -limit, limit)
-
-
-def is_hit(run: PreparedRun) -> bool:
-    """Whether the run's excitation is an impact: hit point, direction and trigger then scatter from take to take."""
-    if run.run.experiment != "hammer" or run.load_force is None:
-        return False
-    force = np.abs(run.load_force)
-    return bool(np.any(force)) and float(np.mean(force > 0.05 * force.max())) < 0.2
-
-
-def scatter_columns(run: PreparedRun, predicted: Sequence[Vector]) -> list[NDArray[np.float64]]:
-    """[y, dy/dt] of each output, y counted from its first sample, shapes (n, 2)."""
-    return [departure_columns(y, output.rate) for output, y in zip(run.outputs, predicted, strict=True)]
-
-
-def departure_columns(y: Vector, rate: float) -> NDArray[np.float64]:
-    """[y, dy/dt], y counted from its first sample, shape (n, 2): what a hit's gain and time multiply."""
-    departure = y - y[0]
-    return np.stack([departure, np.gradient(departure) * rate], axis=1)
 
 
 def _bare(run: PreparedRun, blocks: Sequence[BlockNoise], scales: Sequence[float]) -> RunWhitener:
@@ -285,7 +260,7 @@ def marginalised(
 ) -> RunWhitener:
     """``bare`` with what scatters from take to take marginalised: its angles' zeros, a hit's gain and time, its input's noise."""
     columns = zeros(run, noise)
-    if is_hit(run):
+    if scatters_whole(run):
         spread = np.array([noise.gain, noise.timing])
         scatter = [c * spread for c in scatter_columns(run, predicted)]
         columns = [np.concatenate(pair, axis=1) for pair in zip(scatter, columns, strict=True)]
@@ -311,13 +286,11 @@ def hit_scatter(
     runs: Sequence[PreparedRun], noise: NoiseModel, predictions: Sequence[Sequence[Vector]]
 ) -> tuple[float, float, list[tuple[float, float]]]:
     """Scatter of hit gain [-] and timing [s], robustly over the hits, and each hit's own (gain, time)."""
-    found: list[tuple[float, float]] = []
-    for run, predicted in zip(runs, predictions, strict=True):
-        if not is_hit(run):
-            found.append((0.0, 0.0))
-            continue
-        found.append(own_scatter(run, predicted, run_whitener(run, noise, None)))
-    hits = np.array([f for f, run in zip(found, runs, strict=True) if is_hit(run)])
+    found = [
+        own_scatter(run, predicted, run_whitener(run, noise, None)) if scatters_whole(run) else (0.0, 0.0)
+        for run, predicted in zip(runs, predictions, strict=True)
+    ]
+    hits = np.array([f for f, run in zip(found, runs, strict=True) if scatters_whole(run)])
     if len(hits) < 3:
         return 0.01, 3e-5, found
     spread = np.sqrt(np.mean(np.square(hits), axis=0))  # about zero: the mean belongs to the base's parameters

@@ -298,16 +298,19 @@ def test_what_is_foretold_to_within_its_noise_leaves_nothing_to_explain(errors, 
 def test_a_line_is_out_of_phase_where_the_motor_is_elsewhere_by_much_of_its_period(order, unit, off, lost):
     spec = next(s for s in PERIODIC if s.parameters[1].unit == unit)
     effect = ActiveEffect(spec, (1e-4, order, 0.3))
-    angle = np.linspace(0.0, 40.0, 200)
-    output = SimpleNamespace(quantity="angle", location="motor", data=angle, mask=np.ones(200, dtype=bool))
-    problem = SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), ratio=60.0),))
+    angle, times, fine = (np.linspace(0.0, top, n) for top, n in ((40.0, 200), (2.0, 200), (2.0, 500)))
+    ones = np.ones(200, dtype=bool)
+    output = SimpleNamespace(quantity="angle", location="motor", data=angle, mask=ones, times=times)
+    arm, motor = (SimpleNamespace(quantity="angle", location=place, times=fine) for place in ("arm", "motor"))
+    problem = SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), declared=(arm, motor), ratio=60.0),))
 
     def judged(*effects):
         where = SimpleNamespace(unpack=lambda x: (None, effects))
         return SimpleNamespace(fit=SimpleNamespace(coordinates=where, x=None))
 
     def free(run, theta, effects, problem):
-        return (angle + off,)
+        """The arm's angle, of which no line is told, and the motor's, ahead by ``off`` rms, at their streams' own rate."""
+        return np.zeros(500), np.interp(fine, times, angle) + math.sqrt(1.5) * off * np.minimum(fine, 1.0)
 
     assert out_of_phase(problem, free, (0,), judged(effect)) is lost
     assert not out_of_phase(problem, free, (0,), judged())
@@ -316,8 +319,9 @@ def test_a_line_is_out_of_phase_where_the_motor_is_elsewhere_by_much_of_its_peri
 
 
 def replace_angle(problem, angle):
-    output = SimpleNamespace(**{**vars(problem.runs[0].outputs[0]), "data": angle})
-    return SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), ratio=60.0),))
+    run = problem.runs[0]
+    output = SimpleNamespace(**{**vars(run.outputs[0]), "data": angle})
+    return SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), declared=run.declared, ratio=60.0),))
 
 
 @pytest.mark.parametrize(("topology", "spring", "commanded", "drifts"), [

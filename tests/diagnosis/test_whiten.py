@@ -9,14 +9,8 @@ from scipy.signal import lfilter
 
 from jointscope.diagnosis.energies import error_energies
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, autocovariance, block_key, block_noise, fit_ar
-from jointscope.diagnosis.whiten import (
-    hit_scatter,
-    marginalised,
-    output_filter,
-    run_scale,
-    run_whitener,
-    scatter_columns,
-)
+from jointscope.diagnosis.own_hit import scatter_columns
+from jointscope.diagnosis.whiten import hit_scatter, marginalised, output_filter, run_scale, run_whitener
 from jointscope.diagnosis.zeros import AMPLIFIER
 
 
