@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.assembly import BASE_INDEX
-from jointscope.diagnosis.input_scatter import VISCOSITY, pushes
+from jointscope.diagnosis.input_scatter import STRENGTH, VISCOSITY, pushes
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
+from jointscope.diagnosis.own_hit import scatters_whole
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.relog import LOGS, driven_by
 from jointscope.diagnosis.whiten import run_whitener, without_scatter
+from jointscope.recordings.campaign import Run, Stream
 
 NOISE = 1.0  # N
 SENSOR = 0.02  # m/s^2
@@ -142,3 +144,45 @@ def test_the_last_column_is_what_warmer_oil_does(builders, plant):
             assert np.array_equal(column[:, -1], a - b)
         still = pushes(run, dry, (), problem, predict_outputs, predict_outputs(run, dry, (), problem), oil=True)
         assert still is None or still[0].shape[1] == pushed[0].shape[1] - 1
+
+
+def free_hit(builders, plant, harder):
+    """A joint whose drive is off is hit ``harder`` times as hard as the record says; its motor's angle is recorded."""
+    rate, peak = 1024.0, 100.0
+    t = np.arange(int(1.2 * rate)) / rate
+    force = peak * np.exp(-(((t - 0.1) / 0.002) ** 2))
+
+    def load(u):
+        return harder * 0.8 * peak * float(np.exp(-(((u - 0.1) / 0.002) ** 2)))
+
+    motion, f = plant.motion(load, lambda u: 0.0, False, 0.0, t[-1] + 0.01)
+    x = motion(t)
+    a = 0.95 * np.array([f(u, s)[3] for u, s in zip(t, x.T, strict=True)])
+    channels = (
+        builders.channel("f", "force", "N", "arm", "input", force, radius=0.8),
+        builders.channel("a", "linear-acceleration", "m/s^2", "arm", "output", a, radius=0.95),
+        builders.channel("th", "angle", "rad", "motor", "output", x[0] * plant.n),
+    )
+    stream = Stream(file="h.csv", sampling_rate=rate, length=t.size, channels=channels)
+    run = Run(id="h", experiment="hammer", streams=(stream,), arm_angle=0.0, hold={"": "free"})
+    rig = replace(builders.NAMEPLATE, plane="horizontal", arm_mass=None, arm_com_radius=None)
+    return prepare(builders.campaign_of([run], rig))
+
+
+def test_a_harder_hit_on_a_joint_that_is_followed_is_its_own_column(builders, plant):
+    """Held to the recorded angle the model does not answer in proportion to the force; what a harder hit adds is known still."""
+    level = replace(plant, weight=0.0)
+    sizes = {"stiffness": level.K, "damping": level.c, "load_inertia": level.J_L}
+    problem = free_hit(builders, level, 1.0 + STRENGTH)
+    truth = problem.theta(**sizes, motor_damping=2.0, load_damping=2.0)
+    run = problem.runs[0]
+    assert run.mode == "observer"
+    assert not scatters_whole(run)
+    y, pushed = columns(problem, truth)
+    for output, told, column in zip(run.outputs, y, pushed, strict=True):
+        left = (output.data - told)[output.mask]
+        assert np.linalg.norm(left - column[output.mask, -1]) < 0.1 * np.linalg.norm(left)
+        departure = (told - told[0])[output.mask]
+        share = float(left @ departure) / float(departure @ departure)
+        if output.quantity == "angle":  # no multiple of the response itself says it
+            assert np.linalg.norm(left - share * departure) > 0.3 * np.linalg.norm(left)

@@ -14,11 +14,11 @@ from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 
 
-def humming(builders, recorded, frequency, share):
-    """Six hits with white noise of 1 % and a steady line, ``share`` [-] of the records' rms, at a phase of its own in each."""
+def humming(builders, recorded, frequency, share, noise=0.01):
+    """Six hits with white noise and a steady line, shares [-] of the records' rms, the line's phase its own in each."""
     plant = builders.Plant()
     own = prepare(builders.campaign_of([builders.hammer_run(plant, 100.0 + 40.0 * k, f"h{k}") for k in range(6)]))
-    own = recorded(own, 0.01, seed=3)
+    own = recorded(own, noise, seed=3)
     rng = np.random.default_rng(11)
     a = share * np.sqrt(2.0) * float(np.mean([dynamic_level(o) for run in own.runs for o in run.outputs]))
 
@@ -48,6 +48,28 @@ def test_a_weak_hum_is_taken_off_and_said(builders, recorded):
     assert error(clean, quiet) < 0.2 * error(clean, loud)
     said = next(f for f in quiet.findings if f.startswith("hum"))
     assert float(said.split()[2]) == pytest.approx(50.02, abs=0.1)
+
+
+def test_a_hum_below_the_noise_is_taken_off_whatever_its_share(builders, recorded):
+    clean, loud = humming(builders, recorded, 50.02, 0.04, noise=0.08)
+    quiet = without_hum(loud, loud.base.start, predict_outputs)
+    assert error(clean, quiet) < 0.2 * error(clean, loud)
+
+
+def test_with_a_multiple_its_fainter_ones_are_taken_off(builders, recorded):
+    """Alone a line of 150 Hz as faint as this is left; beside one of 50 Hz it is the same grid's."""
+    _, faint = humming(builders, recorded, 150.06, 0.0013)
+    assert without_hum(faint, faint.base.start, predict_outputs) is faint
+    rng = np.random.default_rng(7)
+
+    def louder(output):
+        a = 0.012 * np.sqrt(2.0) * dynamic_level(output)
+        phase = rng.uniform(0.0, 2.0 * np.pi)
+        return replace(output, data=output.data + a * np.sin(2.0 * np.pi * 50.02 * output.times + phase))
+
+    both = replace(faint, runs=tuple(replace(r, outputs=tuple(map(louder, r.outputs))) for r in faint.runs))
+    said = [f for f in without_hum(both, both.base.start, predict_outputs).findings if f.startswith("hum")]
+    assert [round(float(f.split()[2])) for f in said] == [50, 150]
 
 
 @pytest.mark.parametrize(("frequency", "share"), [(53.7, 0.012), (50.02, 0.1), (50.02, 0.0)])
