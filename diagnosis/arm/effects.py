@@ -32,7 +32,6 @@ from jointscope.diagnosis.arm.problem import ArmProblem
 from jointscope.diagnosis.arm.recorder import recorder_faults
 from jointscope.diagnosis.arm.weight import weights
 from jointscope.diagnosis.effects import catalogue, payloads
-from jointscope.diagnosis.effects.friction import UNEVEN
 from jointscope.diagnosis.effects.spec import EffectSpec, Location, ParameterSpec, Values, one_start
 
 if TYPE_CHECKING:
@@ -84,7 +83,7 @@ def _friction(problem: ArmProblem, j: int) -> list[EffectSpec]:
         put_coulomb(assembly, values)
         assembly.P[j, kernel.SIDED] = values[1]
 
-    asymmetry = ParameterSpec("asymmetry", "1", -UNEVEN, UNEVEN)
+    asymmetry = ParameterSpec("asymmetry", "1", -0.6, 0.6)
     unlike = replace(
         coulomb, variant="stick-unlike", parameters=(torque, asymmetry), starts=lambda problem: ((0.0,),),
         law="T_c (1 +- asymmetry) sgn(s'), sticking", apply=applied(put_unlike),

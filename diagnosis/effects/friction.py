@@ -44,7 +44,6 @@ CLEARLY_LARGER = 1.1  # the same, of one that is sought about a Coulomb friction
 SEEN = 10.0  # times the slowest Stribeck speed, likewise: what falls within that is sticking
 LITTLE_LESS, MORE = 0.95, 1.3  # of a Coulomb friction, where a Stribeck friction about it begins
 LARGEST = 5.0  # of the sliding friction, beyond which a breakaway is another law's
-UNEVEN = 0.35  # of friction, by which it may differ with direction: joints' does by 0.02 to 0.15, a weight by any amount
 
 
 def _blocks(location: str) -> tuple[int, int]:
@@ -189,7 +188,7 @@ def _drag_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 _TORQUE = ParameterSpec("torque", "N m", 0.0, 1e9, null=0.0)
-ASYMMETRY = ParameterSpec("asymmetry", "1", -UNEVEN, UNEVEN)
+ASYMMETRY = ParameterSpec("asymmetry", "1", -0.9, 0.9)
 _VISCOUS = ParameterSpec("viscous_asymmetry", "1", -0.9, 0.9)
 _STRIBECK = (
     _TORQUE,
