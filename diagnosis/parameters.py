@@ -37,6 +37,12 @@ def zero_near(runs: tuple[PreparedRun, ...]) -> bool:
     return all(run.motor is None or run.motor.calibrated for run in runs) and not any(carries(run) for run in runs)
 
 
+def _weighed(run: PreparedRun) -> bool:
+    """Whether a run says what the arm weighs: something moves the arm or holds it up, and that is known."""
+    pushed = run.load is not None and run.mode != "braked"
+    return run.mode == "prescribed-load" or run.motor is not None or run.command is not None or pushed
+
+
 def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
     """Which parameters these recordings can move, from the nameplate alone for now."""
     from jointscope.diagnosis.problem import BaseSpec
@@ -66,10 +72,7 @@ def base_spec(rig: Nameplate, runs: tuple[PreparedRun, ...]) -> BaseSpec:
         elif rig.arm_mass is not None and rig.arm_com_radius is not None:
             weight = rig.arm_mass * STANDARD_GRAVITY * rig.arm_com_radius
         else:
-            given = any(run.mode == "prescribed-load" for run in runs)
-            gravity_free = (
-                given or any(run.motor is not None or run.command is not None for run in runs)
-            ) and swung
+            gravity_free = swung and any(map(_weighed, runs))
     # the torque's way to the arm is known once an inertia is absolute: the arm's by a hammer, or the motor's where its
     # own motion shows resonance and antiresonance, which give the ratio of the two
     swept = exact and any(
