@@ -24,7 +24,7 @@ from jointscope.diagnosis.errors import (
 )
 from jointscope.diagnosis.gates import Comparison
 from jointscope.diagnosis.held_out_detail import held_out_detail
-from jointscope.diagnosis.in_contract import as_cubic
+from jointscope.diagnosis.in_contract import as_cubic, largest_first
 from jointscope.diagnosis.intervals import Estimate, estimates
 from jointscope.diagnosis.outside import resembled
 from jointscope.diagnosis.power import unseen_json
@@ -119,7 +119,8 @@ def effects_json(
     where = judged.fit.coordinates
     theta, effects = where.unpack(judged.fit.x)
     found: dict[tuple[str, str], dict[str, Any]] = {}
-    for spec, effect, piece in zip(where.effects, effects, where.effect_slices(), strict=True):
+    parts = list(zip(where.effects, effects, where.effect_slices(), strict=True))
+    for spec, effect, piece in largest_first(parts):
         name = f"{spec.name}@{spec.location}"
         parameters = {
             p.name: as_parameter(all_estimates[i], p.unit)

@@ -4,7 +4,7 @@ import pytest
 
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects import REGISTRY, ActiveEffect
-from jointscope.diagnosis.in_contract import as_cubic
+from jointscope.diagnosis.in_contract import as_cubic, largest_first
 from jointscope.diagnosis.intervals import Estimate
 
 POWER = next(s for s in REGISTRY if (s.name, s.variant) == ("stiffness-nonlinearity", "power"))
@@ -23,3 +23,19 @@ def test_other_powers_and_other_laws_are_none():
     assert as_cubic(ActiveEffect(POWER, (0.5, 2.6, 1e-3)), KNOWN, 1e5) is None
     cubic = next(s for s in REGISTRY if (s.name, s.variant) == ("stiffness-nonlinearity", "cubic"))
     assert as_cubic(ActiveEffect(cubic, (1e10,)), KNOWN[:1], 1e5) is None
+
+
+def test_of_two_forms_of_one_effect_the_larger_one_says_its_size():
+    """A friction of 25.8 N m with presliding and 0.2 N m without is one of 26, not of 0.2; other effects keep their places."""
+    plain, sliding = (
+        next(s for s in REGISTRY if (s.name, s.location, s.variant) == ("coulomb-friction", "motor", variant))
+        for variant in ("plain", "presliding")
+    )
+    parts = [
+        (plain, ActiveEffect(plain, (0.2,)), slice(0, 1)),
+        (POWER, ActiveEffect(POWER, (0.5, 3.0, 1e-3)), slice(1, 4)),
+        (sliding, ActiveEffect(sliding, (25.8, 6e-6)), slice(4, 6)),
+    ]
+    assert [part[0] for part in largest_first(parts)] == [sliding, plain, POWER]
+    assert [part[0] for part in largest_first(parts[1:])] == [POWER, sliding]
+    assert largest_first([]) == []
