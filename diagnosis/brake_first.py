@@ -8,16 +8,16 @@ than the base of all runs does.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, relative_misfit, rewhiten
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import whitened
-from jointscope.diagnosis.refit import Fit, least_squares
-from jointscope.diagnosis.search import Effort, Hypothesis, fit_singles, profile_loss, screen_on
+from jointscope.diagnosis.refit import Fit, least_squares, with_fresh_jacobian
+from jointscope.diagnosis.search import Effort, Hypothesis, fit_singles, screen_on, seen
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,18 +85,9 @@ def brake_first(
     theta = of_the_brake(objective, base)
     if theta is None:
         return []
-    where = base.coordinates
-    x = where.pack(theta, ())
-    there = Fit(where, x, objective.residual(x, where), base.jacobian, math.nan, False, False, 1)
+    there = replace(base, x=base.coordinates.pack(theta, ()), fresh=False)
     own, _, _ = rewhiten(objective, there, noise, EARLY_ORDER)
-    w = own.residual(x, where)
-    start = Fit(where, x, w, own.columns(x, where, w, range(where.n)), math.nan, False, True, 1 + where.n)
-    problem = objective.problem
+    start = with_fresh_jacobian(own, there)
     left = residuals_of(stage.objective, stage.objective.predictions(theta, ()))
-    screening = screen_on(own, start, candidates_for(problem, specs, left), effort)
-    found = []
-    for h in fit_singles(own, start, screening, effort):
-        w = objective.residual(h.fit.x, h.fit.coordinates)
-        fit = Fit(h.fit.coordinates, h.fit.x, w, h.fit.jacobian, math.nan, False, False, h.fit.simulations)
-        found.append(Hypothesis(h.specs, fit, profile_loss(objective, w)))
-    return found
+    screening = screen_on(own, start, candidates_for(objective.problem, specs, left), effort)
+    return [seen(objective, h) for h in fit_singles(own, start, screening, effort)]

@@ -69,17 +69,17 @@ def _lines(problem: Problem, left: Sequence[Sequence[Vector]], mains: float) -> 
     heard: dict[int, tuple[Vector, Vector]] = {}
     for k in range(1, MULTIPLES + 1):
         takes = [
-            (_quietly(run, o, r), max(HUM * dynamic_level(o), white_part(r[_quiet(run, o)])))
+            _quietly(run, o, r)
             for run, rows in zip(problem.runs, left, strict=True)
             for o, r in zip(run.outputs, rows, strict=True)
             if _can_hum(run, o, k * mains)
         ]
         if not takes:
             continue
-        beside = np.array([_beside(quiet, k * mains) for quiet, _ in takes])
-        power = np.stack([np.square(np.abs(_amplitudes(quiet, k * tried))) for quiet, _ in takes], axis=1)
+        beside = np.array([_beside(quiet, k * mains) for quiet in takes])
+        power = np.stack([np.square(np.abs(_amplitudes(quiet, k * tried))) for quiet in takes], axis=1)
         excess = (np.sum(power / beside, axis=1) - len(takes)) / np.sqrt(len(takes))
-        weak = np.array([size for _, size in takes])
+        weak = np.array([quiet.weak for quiet in takes])
         sizes = np.median(np.sqrt(0.5 * np.maximum(power - beside, 0.0)) / weak, axis=1)
         heard[k] = (excess, sizes)
     loud = [excess for excess, _ in heard.values() if np.max(excess) > STANDS]
@@ -115,18 +115,21 @@ class Quiet:
         times: [s], shape (n,).
         weighted: h (r - its mean under h) / sum(h), shape (n,).
         width: Of a line [Hz], one over the part's duration.
+        weak: Rms below which a line is the recording's own.
     """
 
     times: Vector
     weighted: Vector
     width: float
+    weak: float
 
 
 def _quietly(run: PreparedRun, output: Output, r: Vector) -> Quiet:
     where = _quiet(run, output)
     x, h = r[where], np.hanning(np.count_nonzero(where))
     h /= np.sum(h)
-    return Quiet(output.times[where], h * (x - h @ x), output.rate / x.size)
+    weak = max(HUM * dynamic_level(output), white_part(x))
+    return Quiet(output.times[where], h * (x - h @ x), output.rate / x.size, weak)
 
 
 def _amplitudes(quiet: Quiet, frequencies: Vector) -> NDArray[np.complex128]:

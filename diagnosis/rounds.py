@@ -52,6 +52,7 @@ from jointscope.diagnosis.search import (
     nested,
     profile_loss,
     screen_on,
+    seen,
     weightings,
 )
 from jointscope.diagnosis.uncoupling import as_mounts, bends_beside, in_own_terms
@@ -123,11 +124,6 @@ def _refitted(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, fit=fit, loss=profile_loss(objective, fit.w))
 
 
-def _seen(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
-    w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
-    return replace(hypothesis, fit=replace(hypothesis.fit, w=w, fresh=False), loss=profile_loss(objective, w))
-
-
 def settled(arena: Arena, found: Sequence[Hypothesis], effort: Effort) -> Arena:
     """All hypotheses under the noise of the best, the leading ones refitted; once more if that changes the best."""
     objective, noise, base = arena.objective, arena.noise, arena.base
@@ -135,10 +131,10 @@ def settled(arena: Arena, found: Sequence[Hypothesis], effort: Effort) -> Arena:
     for _ in range(2):
         best = min([base, *pool], key=lambda h: h.loss)
         objective, noise, _ = rewhiten(objective, best.fit, noise, EARLY_ORDER)
-        pool = sorted((_seen(objective, h) for h in pool), key=lambda h: h.loss)
+        pool = sorted((seen(objective, h) for h in pool), key=lambda h: h.loss)
         pool = [_refitted(objective, h) if i < effort.polished else h for i, h in enumerate(pool)]
         pool.sort(key=lambda h: h.loss)
-        base = _seen(objective, base)
+        base = seen(objective, base)
         if not pool or pool[0].names == best.names:
             break
     return Arena(objective, noise, beside_the_data(objective, base, _refitted(objective, base)), tuple(pool))
@@ -284,7 +280,7 @@ def _with_strangers(
     found: list[Hypothesis] = []
     for start in starts:
         fitted = strangers(start.objective, start.base.fit, leader, outside, effort, more)
-        found.extend(fitted if start is arena else (_seen(arena.objective, h) for h in fitted))
+        found.extend(fitted if start is arena else (seen(arena.objective, h) for h in fitted))
     return settled(arena, found, effort) if found else arena
 
 

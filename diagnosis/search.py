@@ -236,6 +236,12 @@ def weightings(candidates: Sequence[ActiveEffect]) -> list[tuple[float, ...]]:
     return list(dict.fromkeys(a.spec.run_weights for a in candidates if a.spec.run_weights is not None))
 
 
+def seen(objective: Objective, hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis as it stands under the noise of ``objective``, its loss comparable with what was fitted there."""
+    w = objective.residual(hypothesis.fit.x, hypothesis.fit.coordinates)
+    return replace(hypothesis, fit=replace(hypothesis.fit, w=w, fresh=False), loss=profile_loss(objective, w))
+
+
 def screen_on(objective: Objective, parent: Fit, candidates: Sequence[ActiveEffect], effort: Effort) -> Screening:
     """Score every candidate on top of ``parent`` over a few runs, the leading ones over all at their own amplitude."""
     chosen = representative(
