@@ -1,30 +1,24 @@
-"""Where hits on the brake are the plain base's, what is left out acts where the motor moves: laws sought from the hits' base.
+"""Where hits on the brake are the plain base's, what is left out acts where the motor moves: the hits' own base.
 
 A base that is fitted to all runs goes where the loudest mismatch pulls it. A kinematic error of 130 urad took a stiffness of
 38.2 kN m/rad to its lower bound, 0.8 kN m/rad, from which no law finds the data; six hits on the brake, which that error does
-not move, alone say 38.2. Such a base is the point that every law is tried from, wherever it foretells the hits far better
-than the base of all runs does.
+not move, alone say 38.2. Such a base is the point that every law is tried from (:mod:`jointscope.diagnosis.other_base`),
+wherever it foretells the hits far better than the base of all runs does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from jointscope.diagnosis.base import EARLY_ORDER, Stage, relative_misfit, rewhiten
-from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.base import EARLY_ORDER, relative_misfit, rewhiten
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import whitened
-from jointscope.diagnosis.refit import Fit, least_squares, with_fresh_jacobian
-from jointscope.diagnosis.search import Effort, Hypothesis, fit_singles, screen_on, seen
+from jointscope.diagnosis.refit import Fit, least_squares
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from jointscope.diagnosis.effects import EffectSpec
-    from jointscope.diagnosis.noise import NoiseModel
     from jointscope.diagnosis.objective import Objective
 
     Vector = NDArray[np.float64]
@@ -65,29 +59,3 @@ def of_the_brake(objective: Objective, base: Fit) -> Vector | None:
     fit = least_squares(own, where, fit.x, iterations=10)
     found, _ = where.unpack(fit.x)
     return found if relative_misfit(alone.prepared, alone.predictions(found, ())) < BETTER * left else None
-
-
-def brake_first(
-    stage: Stage,
-    objective: Objective,
-    noise: NoiseModel,
-    base: Fit,
-    specs: Sequence[EffectSpec],
-    effort: Effort,
-) -> list[Hypothesis]:
-    """The single effects that lead from the base of the hits on the brake, fitted from there with the base free.
-
-    Args:
-        objective: The runs of the search under ``noise``, to which losses refer.
-        base: Of these runs.
-        specs: The laws that may be named.
-    """
-    theta = of_the_brake(objective, base)
-    if theta is None:
-        return []
-    there = replace(base, x=base.coordinates.pack(theta, ()), fresh=False)
-    own, _, _ = rewhiten(objective, there, noise, EARLY_ORDER)
-    start = with_fresh_jacobian(own, there)
-    left = residuals_of(stage.objective, stage.objective.predictions(theta, ()))
-    screening = screen_on(own, start, candidates_for(objective.problem, specs, left), effort)
-    return [seen(objective, h) for h in fit_singles(own, start, screening, effort)]

@@ -18,7 +18,6 @@ from jointscope.diagnosis.afresh import afresh, sorted_afresh
 from jointscope.diagnosis.anchors import beside_other_laws
 from jointscope.diagnosis.base import EARLY_ORDER, Stage, representative, rewhiten
 from jointscope.diagnosis.bent_loop import bent_loop
-from jointscope.diagnosis.brake_first import brake_first
 from jointscope.diagnosis.briefly import briefly
 from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
@@ -32,6 +31,7 @@ from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
 from jointscope.diagnosis.objective import Objective, Predictions
+from jointscope.diagnosis.other_base import from_other_base
 from jointscope.diagnosis.overshot import overshot
 from jointscope.diagnosis.per_run import labelling_cost, per_run_specs
 from jointscope.diagnosis.polish import beside_the_data, worth_judging
@@ -310,7 +310,7 @@ def explore(
     singles = fit_singles(first.objective, first.base.fit, screening, effort)
     singles.extend(fit_instead(first.objective, first.base.fit, (), screening, singles, effort))
     singles.extend(afresh(first.objective, first.base.fit, candidates, effort))
-    singles.extend(brake_first(stage, first.objective, first.noise, first.base.fit, laws, effort))
+    singles.extend(from_other_base(stage, first.objective, first.noise, first.base.fit, laws, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, problem, left, effort))

@@ -1,4 +1,7 @@
-"""Hits on the brake say K, c and J whatever the moving motor does; a base that all runs have misled is told by them, no other."""
+"""Hits on the brake say K, c and J whatever the moving motor does; a base that all runs have misled is told by them.
+
+And without them by the stiffness that the campaign states; no other base is told anything.
+"""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -8,11 +11,12 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis.base import refit_base
-from jointscope.diagnosis.brake_first import brake_first, braked_hits, of_the_brake
+from jointscope.diagnosis.brake_first import braked_hits, of_the_brake
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import catalogue
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.objective import Objective, whitened
+from jointscope.diagnosis.other_base import as_stated, from_other_base
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.refit import Fit
@@ -90,9 +94,37 @@ def test_an_error_that_misleads_the_base_is_found_from_the_brake(misled, plant):
         stage = refit_base(misled, predict_outputs, tuple(range(len(misled.runs))), pool)
         objective, noise = objective_of(misled, pool)
         base = at(objective, lost)
-        found = brake_first(stage, objective, noise, base, catalogue(misled), effort)
+        found = from_other_base(stage, objective, noise, base, catalogue(misled), effort)
         best = min(found, key=lambda h: h.loss)
         assert best.loss < profile_loss(objective, base.w)
     theta, _ = best.fit.coordinates.unpack(best.fit.x)
     assert best.names == ("transmission-error@transmission",)  # of which half a motor turn tells no order
     assert dict(zip(misled.base.names, theta, strict=True))["stiffness"] == pytest.approx(plant.K, rel=0.01)
+
+
+def test_without_hits_a_base_that_is_lost_is_told_by_what_is_stated(misled, plant):
+    stated = misled.rig.stiffness_reference
+    with ThreadPoolExecutor(2) as pool:
+        objective, _ = objective_of(misled, pool)
+        for factor in (0.45, 2.2):
+            found = as_stated(objective, at(objective, misled.theta(stiffness=factor * stated)))
+            assert dict(zip(misled.base.names, found, strict=True))["stiffness"] == pytest.approx(stated)
+        for factor in (0.55, 1.0, 1.9):  # a nameplate may be off by as much
+            assert as_stated(objective, at(objective, misled.theta(stiffness=factor * stated))) is None
+
+
+def test_laws_sought_from_the_stated_stiffness_keep_near_it(misled, plant):
+    effort = Effort(beam=0, children=0, pairs=0, size=1)
+    with ThreadPoolExecutor(2) as pool:
+        stage = refit_base(misled, predict_outputs, tuple(range(len(misled.runs))), pool)
+        whole, noise = objective_of(misled, pool)
+        hits = braked_hits(whole)
+        objective = whole.restricted([i for i in range(len(misled.runs)) if i not in hits])
+        near, lost = (
+            at(objective, misled.theta(stiffness=f * misled.rig.stiffness_reference)) for f in (1.3, 12.0)
+        )
+        assert from_other_base(stage, objective, noise, near, catalogue(misled), effort) == []
+        found = from_other_base(stage, objective, noise, lost, catalogue(misled), effort)
+    stiffness = [h.fit.coordinates.unpack(h.fit.x)[0][misled.base.names.index("stiffness")] for h in found]
+    assert len(found) > 5
+    assert np.median(stiffness) == pytest.approx(plant.K, rel=0.1)
