@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MAKERS_FIGURE = 4.0  # times K and J_L on the nameplate beyond which a start that no hit gave is not believed
 ZERO_OFF = 0.03  # of the largest logged torque, by which the zero of a calibrated log may be off
 AGE = 6.25e-5  # s by which a torque may act beside its log's clock: one cycle of a drive's current loop at 16 kHz
+HALF = 0.5  # of a log's sample, to which its clock's start is found
 OVERDAMPED = 0.5  # of the critical damping, beyond which no reducer is
 
 
@@ -35,6 +36,16 @@ def torque_calibrated(runs: tuple[PreparedRun, ...]) -> bool:
 def zero_near(runs: tuple[PreparedRun, ...]) -> bool:
     """Whether the input's zero is off by no more than ``ZERO_OFF`` of the largest torque: a calibrated log of a motor."""
     return all(run.motor is None or run.motor.calibrated for run in runs) and not any(carries(run) for run in runs)
+
+
+def _age(runs: tuple[PreparedRun, ...]) -> float:
+    """Of a torque [s]: where its clock's start is found from the runs themselves it is not found to better than half a sample."""
+    found = [
+        HALF / run.motor.signal.rate
+        for run in runs
+        if run.motor is not None and any(stream.start_uncertainty > 0.0 for stream in run.run.streams)
+    ]
+    return max((AGE, *found))
 
 
 def _weighed(run: PreparedRun) -> bool:
@@ -237,7 +248,8 @@ def bounded(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> Ba
     for name in ("gravity_moment", "torque_offset"):
         i = BASE_INDEX[name]
         lower[i], upper[i] = -1e3 * scales[i], 1e3 * scales[i]
-    lower[BASE_INDEX["torque_age"]], upper[BASE_INDEX["torque_age"]] = -AGE, AGE
+    age = _age(runs)
+    lower[BASE_INDEX["torque_age"]], upper[BASE_INDEX["torque_age"]] = -age, age
     if zero_near(runs):
         lower[i], upper[i] = -ZERO_OFF * largest, ZERO_OFF * largest
     return replace(base, scale=scales, lower=lower, upper=upper)

@@ -108,6 +108,7 @@ def _rate(problem: Problem) -> float:
     )
 
 
+BEYOND_THE_LEVEL = 0.4  # of the largest reading, below which no sensor clips
 BEYOND_THE_JOINT = (
     1.3  # times the joint's resonance: nobody mounts a sensor that is slower than what it is to show
 )
@@ -147,8 +148,19 @@ def flat_tops(problem: Problem, radius: float | None = None) -> list[float]:
 
 
 def _level_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    peak = max(problem.scales.acceleration, 1e-9)
-    return {"level": (0.01 * peak, 1.5 * peak)}
+    """No reading lies beyond a level at which it is clipped, but for noise and what a filter rings with."""
+    return {"level": (BEYOND_THE_LEVEL * _least_peak(problem), 1.5 * max(problem.scales.acceleration, 1e-9))}
+
+
+def _least_peak(problem: Problem) -> float:
+    """The largest reading of the accelerometer that reads least [m/s^2 or rad/s^2]."""
+    peaks: dict[tuple[str, str, float | None], float] = {}
+    for run in problem.runs:
+        for o in run.outputs:
+            if "acceleration" in o.quantity and o.data.size:
+                key = (o.quantity, o.location, o.radius)
+                peaks[key] = max(peaks.get(key, 0.0), float(np.nanmax(np.abs(o.data))))
+    return max(min(peaks.values(), default=0.0), 1e-9)
 
 
 def _soft_levels(problem: Problem) -> tuple[float, float, float]:

@@ -228,6 +228,15 @@ def test_saturation_leaves_everything_below_its_level(problem, truth):
     np.testing.assert_array_equal(cut, np.clip(base, -level, level))
 
 
+def test_no_level_lies_far_below_what_is_read(problem):
+    """A model that flies off fits quiet runs best with a sensor that reads next to nothing."""
+    clip = next(s for s in catalogue(problem) if (s.name, s.variant) == ("sensor-saturation", "clip"))
+    peaks = [np.abs(o.data).max() for run in problem.runs for o in run.outputs if "acceleration" in o.quantity]
+    lower, upper = clip.limits(problem)["level"]
+    assert lower == pytest.approx(0.4 * max(peaks))
+    assert upper > max(peaks)
+
+
 def test_a_compressed_accelerometer_is_cubic_below_and_clips_with_a_sharp_knee(problem, truth):
     run = problem.runs[1]
     (base,) = predict_outputs(run, truth, (), problem)

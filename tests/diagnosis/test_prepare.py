@@ -285,6 +285,10 @@ def test_an_unknown_start_is_found_and_is_no_effect(builders, plant):
     assert motor is not None and motor.signal.start == pytest.approx(0.0, abs=1e-4)
     delay = next(s for s in catalogue(problem) if s.name == "delay")
     assert "exact" in (delay.possible(problem) or "")
+    k = problem.base.names.index(
+        "torque_age"
+    )  # a start is found to a part of a sample, and the torque may act as late
+    assert problem.base.upper[k] == -problem.base.lower[k] == 0.5 / motor.signal.rate
 
 
 @pytest.mark.parametrize(
