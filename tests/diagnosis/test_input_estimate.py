@@ -65,6 +65,25 @@ def test_a_logs_noise_is_found_under_any_torque(signal, noise):
     assert log_noise(y, RATE) == pytest.approx(noise, rel=0.15)
 
 
+def random_torque(top: float, size: float = 8.0) -> np.ndarray:
+    """Gaussian, flat up to ``top`` [Hz] and nothing above, as an exciter makes it."""
+    f = np.fft.rfftfreq(T.size, 1.0 / RATE)
+    rng = np.random.default_rng(7)
+    x = np.fft.irfft(
+        (f > 2.0) * (f < top) * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size)), T.size
+    )
+    return size * x / np.std(x)
+
+
+@pytest.mark.parametrize("top", [90.0, 200.0, 270.0])
+def test_a_random_torque_is_no_noise(top):
+    """Of half the rate it fills up to 0.68; what is never excited shows the log's noise, and the torque is left as it is."""
+    u = random_torque(top)
+    y = u + 0.02 * np.random.default_rng(8).standard_normal(T.size)
+    assert log_noise(y, RATE) == pytest.approx(0.02, rel=0.3)
+    assert np.std(cleaned(y) - u) < 0.005 * np.std(u)
+
+
 def test_third_differences_take_a_sweep_for_noise():
     y = swept(200.0) + 0.05 * np.random.default_rng(5).standard_normal(T.size)
     assert white_part(y) > 0.5
