@@ -13,6 +13,8 @@ from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.models.parameters import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from jointscope.diagnosis.problem import BaseSpec, PreparedRun
     from jointscope.recordings.campaign import Nameplate
 
@@ -176,6 +178,16 @@ def stated_figures(rig: Nameplate) -> dict[str, float]:
     return {name: value for name, value in figures.items() if value is not None}
 
 
+def beyond_nameplate(start: NDArray[np.float64], runs: tuple[PreparedRun, ...], rig: Nameplate) -> bool:
+    """Whether a start, shape (n_theta,), that no hit gave lies beyond what a maker may be off by; in SI only."""
+    if any(run.mode == "braked" for run in runs) or not torque_calibrated(runs):
+        return False
+    return any(
+        abs(math.log(value / start[BASE_INDEX[name]])) > math.log(MAKERS_FIGURE)
+        for name, value in stated_figures(rig).items()
+    )
+
+
 def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate) -> BaseSpec:
     """The same, started from the nameplate where motions alone gave a start beyond what a maker may be off by.
 
@@ -183,12 +195,9 @@ def near_nameplate(base: BaseSpec, runs: tuple[PreparedRun, ...], rig: Nameplate
     joint's: where one of them only is stated, the other keeps the ratio. A hit gives both, whatever the nameplate says: its
     figures are starts, never bounds.
     """
-    if any(run.mode == "braked" for run in runs) or not torque_calibrated(runs):
+    if not beyond_nameplate(base.start, runs, rig):
         return base
-    stated = stated_figures(rig)
-    apart = {name: value / base.start[BASE_INDEX[name]] for name, value in stated.items()}
-    if not any(abs(math.log(factor)) > math.log(MAKERS_FIGURE) for factor in apart.values()):
-        return base
+    apart = {name: value / base.start[BASE_INDEX[name]] for name, value in stated_figures(rig).items()}
     start = base.start.copy()
     for name in ("stiffness", "load_inertia"):
         start[BASE_INDEX[name]] *= apart.get(name, next(iter(apart.values())))

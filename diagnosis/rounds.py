@@ -25,6 +25,7 @@ from jointscope.diagnosis.eased import eased
 from jointscope.diagnosis.effects.coupled import PLAIN
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.extensions import extensions
+from jointscope.diagnosis.gain_or_weight import gain_or_weight
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.heavy_modes import heavy_modes
 from jointscope.diagnosis.modal import several_bends
@@ -343,6 +344,7 @@ def explore(
     later = _to_grow(arena, 1, [*leaders, *wider])  # a look-alike of the first may have led to it
     found = [h for leader in later for h in grown(arena.objective, arena.base.fit, leader, candidates, effort)]
     found.extend(rescaled(arena.objective, arena.hypotheses[:BEYOND]))
+    found.extend(gain_or_weight(arena.objective, arena.hypotheses[:BEYOND], candidates))
     if found:
         arena = settled(arena, found, effort)
     pairs.extend(
@@ -368,6 +370,7 @@ def explore(
             break
         if size == 3:
             found = beside_other_laws(arena.objective, arena.base.fit, arena.hypotheses, candidates, effort)
+            found.extend(gain_or_weight(arena.objective, arena.hypotheses[:BEYOND], candidates))
             arena = _swapped(settled(arena, found, effort) if found else arena, candidates, effort)
             if not _worth_more(arena, size - 1):
                 break

@@ -183,15 +183,15 @@ def refined(
         resizings = [resized(t.active, size) for t, size in zip(far, sizes, strict=True)]
         by_spec = {id(t.spec): t for t in screen(objective, fit, parents, rows, resizings)}
         current = [
-            by_spec[id(t.spec)] if id(t.spec) in by_spec and _honest(by_spec[id(t.spec)]) >= _honest(t) else t
+            by_spec[id(t.spec)] if id(t.spec) in by_spec and honest(by_spec[id(t.spec)]) >= honest(t) else t
             for t in current
         ]
     return sorted(current, key=lambda t: -t.gain)
 
 
-def _honest(trial: Trial) -> float:
-    """The gain at the amplitude tried, not at the one extrapolated to: gain (1 - (1 - factor)^2)."""
-    return trial.gain * (1.0 - (1.0 - trial.factor) ** 2) if trial.factor > 0.0 else 0.0
+def honest(trial: Trial) -> float:
+    """The gain at the amplitude tried, not at the one extrapolated to: gain (1 - (1 - 1/factor)^2)."""
+    return trial.gain * (1.0 - (1.0 - 1.0 / trial.factor) ** 2) if trial.factor > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from jointscope.diagnosis.alignment import aligned, inexact
 from jointscope.diagnosis.assembly import BASE_INDEX, BASE_NAMES
 from jointscope.diagnosis.followers import beside_own_position, followers_polarities
-from jointscope.diagnosis.parameters import assumptions, base_spec, bounded, known_inertia, torque_calibrated
+from jointscope.diagnosis.parameters import (
+    assumptions,
+    base_spec,
+    beyond_nameplate,
+    bounded,
+    known_inertia,
+    torque_calibrated,
+)
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.problem import Problem
 from jointscope.diagnosis.responses import (
@@ -134,7 +141,8 @@ def _nearest(problem: Problem, measured: tuple[Response, ...]) -> Problem:
         rest = rigid_start(base, runs, quick, known)
         if rest is not None:
             candidates.append(_joined(quick, rest))
-    best = min(candidates, key=lambda start: _misfit(problem, start))
+    near = [start for start in candidates if not beyond_nameplate(start, runs, problem.rig)]
+    best = min(near or candidates, key=lambda start: _misfit(problem, start))
     return replace(problem, base=replace(base, start=best))
 
 

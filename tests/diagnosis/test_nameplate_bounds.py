@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.parameters import bounded, near_nameplate
+from jointscope.diagnosis.parameters import beyond_nameplate, bounded, near_nameplate
 
 
 def test_a_start_that_motions_gave_an_order_of_magnitude_off_the_nameplate_is_not_believed(problem):
@@ -24,6 +24,8 @@ def test_a_start_that_motions_gave_an_order_of_magnitude_off_the_nameplate_is_no
     assert stiff[names.index("stiffness")] == 2e5 and stiff[names.index("load_inertia")] == pytest.approx(3.0)
     hit = near_nameplate(replace(problem.base, start=far), problem.runs, rig).start
     np.testing.assert_array_equal(hit, far)
+    assert beyond_nameplate(far, moved, rig) and not beyond_nameplate(near, moved, rig)
+    assert not beyond_nameplate(far, problem.runs, rig)
 
 
 @pytest.mark.parametrize("wrong", [0.1, 10.0])

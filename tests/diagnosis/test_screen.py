@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.screen import pairs, score, tangent, trial_effects
+from jointscope.diagnosis.screen import honest, pairs, score, tangent, trial_effects
 
 
 def effect(lower=-1.0):
@@ -32,6 +32,18 @@ def test_gain_is_the_decrease_of_the_refitted_least_squares():
     both = np.column_stack([jacobian, s])
     left = w - both @ np.linalg.lstsq(both, w, rcond=None)[0]
     assert np.isclose(trial.gain, w @ w - left @ left, rtol=1e-9)
+
+
+def test_the_honest_gain_is_that_of_the_amplitude_that_was_tried():
+    """w'w less |w - s|^2, the base refitted: a trial of a sixth of the right size is worth something, a double one nothing."""
+    rng, jacobian, w = problem()
+    direction = rng.standard_normal(len(w)) + 0.4 * w
+    parents = tangent(w, jacobian)
+    for size in (0.05, 0.2, 0.5, 1.5):
+        trial = score(effect(), size * direction, parents)
+        rest = w - size * direction
+        left = rest - jacobian @ np.linalg.lstsq(jacobian, rest, rcond=None)[0]
+        assert np.isclose(honest(trial), w @ w - left @ left, rtol=1e-6)
 
 
 def test_a_candidate_inside_the_base_tangent_space_is_not_seen():
