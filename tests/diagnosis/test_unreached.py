@@ -36,7 +36,7 @@ def judged(builders, recorded, sweeps, size, held_sweeps=0):
     return compare(judgement, judgement.base, child)
 
 
-@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.03, True), (1, 0.01, False), (3, 0.0, False)])
+@pytest.mark.parametrize(("sweeps", "size", "stands"), [(3, 0.03, True), (1, 0.003, False), (3, 0.0, False)])
 def test_what_only_fitted_runs_can_show_takes_two_of_them(builders, recorded, sweeps, size, stands):
     against = judged(builders, recorded, sweeps, size)
     assert against.foretold_held < 20.0
@@ -46,6 +46,6 @@ def test_what_only_fitted_runs_can_show_takes_two_of_them(builders, recorded, sw
 
 def test_hits_that_cannot_show_friction_of_the_motor_have_no_vote(builders, recorded):
     """The base's parameters move a little with it, and what the hits lose or gain by that says nothing."""
-    against = judged(builders, recorded, 4, 0.002, held_sweeps=1)
+    against = judged(builders, recorded, 4, 0.004, held_sweeps=1)
     assert against.foretold_held > 5.0
     assert against.votes == 1 and against.share_of_runs == 1.0  # of three held-out runs
