@@ -240,6 +240,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
             spec.profiled for spec in judged.hypothesis.specs
         ):  # what every run has for itself no input foretells
             return True
+        if confirmed(against) and not error(judged)[1]:  # nothing was recorded but what drifts off
+            return True
         faint = len(judged.names) == 1 and like_nothing(diagnosis.judgement.objective, judged.fit, FAINT)
         if faint and error(judged)[0] >= of_base[0]:
             return False

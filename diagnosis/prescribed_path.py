@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from jointscope.diagnosis.input_noise import white_part
-from jointscope.diagnosis.recorder_step import recorder_step
+from jointscope.diagnosis.recorder_step import decimal_step, recorder_step
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import FORCES
 
@@ -64,5 +64,6 @@ def where_it_moves(outputs: Sequence[Output], half: Vector, speed: Vector) -> tu
 
 def speed_noise(samples: Vector, rate: float, corner: float) -> float:
     """Standard deviation of the noise in the speed of a recorded angle, shape (n,), low-passed at ``corner`` [per s]."""
-    own = max(white_part(samples), recorder_step(samples) / math.sqrt(12.0))
+    step = max(recorder_step(samples), decimal_step(samples))
+    own = max(white_part(samples), step / math.sqrt(12.0))
     return 2.0 * math.pi * own * math.sqrt(2.0 * corner**3 / (3.0 * rate))

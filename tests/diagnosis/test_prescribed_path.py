@@ -9,6 +9,7 @@ from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.diagnosis.prescribed_path import STANDS_OUT, prescribed_path, speed_noise
+from jointscope.diagnosis.recorder_step import decimal_step
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.recordings.campaign import Nameplate, Run, Stream
 
@@ -213,3 +214,23 @@ def test_per_unit_of_an_unknown_input_no_maker_figure_bounds_an_inertia(builders
     assert not problem.torque_calibrated
     i = problem.base.names.index("load_inertia")
     assert problem.base.lower[i] < 3.0 < problem.base.upper[i]
+
+
+@pytest.mark.parametrize("pace", [40, 1000])
+def test_a_carriage_at_constant_speed_has_its_scales_noise_though_no_difference_shows_a_step(pace):
+    """There and back at a whole number of steps a sample, with rests between: the rests are rests."""
+    step = 1e-7
+    leg = np.concatenate([np.zeros(400), pace * np.arange(1, 601), np.full(400, 600 * pace)])
+    q = step * np.concatenate([leg, leg[::-1]]).astype(float)
+    assert decimal_step(q) == pytest.approx(step)
+    _, speed, _ = prescribed_path(q, RATE, 0.0, np.arange(q.size) / RATE)
+    rest = np.r_[100:280, 1120:1680, 2520:2700]
+    assert not np.any(speed[rest])
+    assert np.all(np.abs(speed[np.r_[450:950]]) > 0.0)
+
+
+def test_a_record_in_full_precision_lies_on_no_decimal_place():
+    x = np.random.default_rng(3).standard_normal(500)
+    assert decimal_step(x) == 0.0
+    assert decimal_step(np.zeros(10)) == 0.0
+    assert decimal_step(np.round(x, 3)) == pytest.approx(1e-3)
