@@ -216,7 +216,7 @@ def test_per_unit_of_an_unknown_input_no_maker_figure_bounds_an_inertia(builders
     assert problem.base.lower[i] < 3.0 < problem.base.upper[i]
 
 
-@pytest.mark.parametrize("pace", [40, 1000])
+@pytest.mark.parametrize("pace", [43, 1003])
 def test_a_carriage_at_constant_speed_has_its_scales_noise_though_no_difference_shows_a_step(pace):
     """There and back at a whole number of steps a sample, with rests between: the rests are rests."""
     step = 1e-7
