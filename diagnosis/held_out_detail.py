@@ -50,7 +50,7 @@ def held_out_detail(problem: Problem, runs: Sequence[int], base: Model, model: M
     positions = _positions(prepared, base, model, problem)
     if positions:
         found["position_error"] = positions
-    twist = [_mean([_wind_up(run, m, problem) for run in prepared]) for m in (base, model)]
+    twist = [wind_up_error(problem, runs, m) for m in (base, model)]
     if np.isfinite(twist).all():
         found["wind_up_error"] = {"base": twist[0], "augmented": twist[1]}
     return found
@@ -94,6 +94,11 @@ def _positions(runs: Sequence[PreparedRun], base: Model, model: Model, problem: 
         }
         for channel, rows in sorted(pooled.items())
     }
+
+
+def wind_up_error(problem: Problem, runs: Sequence[int], model: Model) -> float:
+    """RMS of the wind-up's residual over the wind-up's about its mean [-], mean over ``runs``; ``nan`` without one."""
+    return _mean([_wind_up(problem.runs[i], model, problem) for i in runs])
 
 
 def _wind_up(run: PreparedRun, model: Model, problem: Problem) -> float:

@@ -21,6 +21,7 @@ from jointscope.diagnosis.errors import (
     without_drift,
 )
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
+from jointscope.diagnosis.held_out_detail import wind_up_error
 from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.outside import resembled
 from jointscope.diagnosis.verdict import LACKING, TOO_MANY, adequacy_of, nothing_named
@@ -44,6 +45,10 @@ NEARLY_AS_MUCH = (
     0.95  # of the chosen set's score, with which another fit of the same effects may be handed on instead ...
 )
 TRIED = 4  # ... and how many such are
+UNWOUND, TWICE = (
+    0.3,
+    2.0,
+)  # of the wind-up, and times the base's error of it, beyond which a model of the joint is none
 LOST_PHASE = 1.0  # rad of a line's own, by which the motor may be elsewhere than foretold
 NEARLY_WHOLE, HARDLY_NEARER, FAR_OFF = (
     0.9,  # of a mismatch that named effects explain, below which they are asked what they do for held-out runs ...
@@ -155,6 +160,11 @@ def out_of_phase(problem: Problem, free: Free, held: Sequence[int], judged: Judg
     return False
 
 
+def unwound(own: float, of_base: float) -> bool:
+    """Whether a model has lost the wind-up between two encoders, errors over signal, that the base foretells."""
+    return own > UNWOUND and own > TWICE * of_base
+
+
 def _angle_of_motor(outputs: Sequence[Output]) -> int | None:
     """Where among outputs the motor's angle stands; what is foretold is every declared channel, at its stream's own rate."""
     return next((k for k, o in enumerate(outputs) if (o.quantity, o.location) == ("angle", "motor")), None)
@@ -190,6 +200,7 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     well. Where the base foretells them to within their noise none of this excuses an effect that does not.
 
     What is better in no channel of any experiment is shown by none: the likelihood had it from the colour of a noise.
+    The wind-up between two encoders does not drift: what loses it, where the base foretells it, is no answer.
     Nor is one effect that is all in all no better and not far from nothing.
 
     What explains far from all of the fitted runs and little of the held-out ones is no answer either (``explains_little``).
@@ -211,11 +222,16 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         own = [e.apart if math.isfinite(e.apart) else e.error for e in told]
         return mean_error(errors), [replace(e, error=min(x, LOST)) for e, x in zip(told, own, strict=True)]
 
-    of_base = error(base)
+    def twist(judged: Judged) -> float:
+        return wind_up_error(problem, held, judged.fit.coordinates.unpack(judged.fit.x))
+
+    of_base, twist_of_base = error(base), twist(base)
     enough = noise_alone(errors_of(base))
 
     def worse(judged: Judged) -> bool:
         whole, told = error(judged)
+        if unwound(twist(judged), twist_of_base):
+            return True
         if decision.verdict == "effects" and not enough:
             against = compare(diagnosis.judgement, base, judged)
             unreached = against.unreached and whole < of_base[0] + UNREACHED

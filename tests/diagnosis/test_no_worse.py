@@ -24,6 +24,7 @@ from jointscope.diagnosis.no_worse import (
     may_follow,
     noise_alone,
     out_of_phase,
+    unwound,
 )
 from jointscope.diagnosis.predict import predict_outputs
 
@@ -339,3 +340,17 @@ def test_an_angle_drifts_off_where_no_loop_of_a_drive_holds_it(topology, spring,
     told = [ChannelError("r", "speed-motion", "linear-acceleration@arm", 0.1, 0.01)]
     angle = ChannelError("r", "speed-motion", "angle@arm", 2.0, 0.01)
     assert without_drift(problem, [angle, *told]) == (told if drifts else [angle, *told])
+
+
+@pytest.mark.parametrize(
+    ("own", "of_base", "lost"),
+    [
+        (1.01, 0.10, True),  # a robot's axis: friction and a lag bettered its angle and lost its wind-up
+        (0.25, 0.72, False),  # play found
+        (0.28, 0.02, False),  # off, and small
+        (0.90, 0.60, False),  # the base foretells no more of it
+        (float("nan"), float("nan"), False),  # one encoder
+    ],
+)
+def test_a_model_that_loses_the_wind_up_that_the_base_foretells_is_none(own, of_base, lost):
+    assert unwound(own, of_base) is lost
