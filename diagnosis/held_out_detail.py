@@ -102,6 +102,8 @@ def wind_up_error(problem: Problem, runs: Sequence[int], model: Model) -> float:
 
 
 def _wind_up(run: PreparedRun, model: Model, problem: Problem) -> float:
+    if not any(output.quantity == WIND_UP for output in run.outputs):
+        return float("nan")
     predicted = predict_outputs(run, *model, problem)
     for output, y in zip(run.outputs, predicted, strict=True):
         if output.quantity == WIND_UP and np.std(output.data[output.mask]) > 0.0:

@@ -198,7 +198,15 @@ def test_runs_that_never_reach_an_effect_refute_nothing(monkeypatch, unreached, 
     assert handed_on(monkeypatch, (0.012, 0.012), (error, error), 0.0, unreached=unreached) is kept
 
 
-def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False, lost=False):
+@pytest.mark.parametrize(("twist", "kept"), [((0.1, 0.15), True), ((0.1, 1.01), False), ((0.9, 1.01), True)])
+def test_an_effect_that_loses_the_wind_up_is_refuted_whatever_it_does_for_the_rest(monkeypatch, twist, kept):
+    """Whatever the runs confirm step by step of the other channels."""
+    assert handed_on(monkeypatch, (0.3, 0.7), (0.1, 0.3), 500.0, twist=twist) is kept
+
+
+def handed_on(
+    monkeypatch, of_base, with_effect, held_gain, *, unreached=False, lost=False, twist=(math.nan, math.nan)
+):
     """Whether an effect stays: errors of an acceleration and of an angle that drifts off, without and with it."""
     from jointscope.diagnosis import no_worse
     from jointscope.diagnosis.errors import ChannelError
@@ -220,6 +228,7 @@ def handed_on(monkeypatch, of_base, with_effect, held_gain, *, unreached=False, 
     against = SimpleNamespace(held_gain=held_gain, foretold_held=1000.0, unreached=unreached)
     monkeypatch.setattr(no_worse, "compare", lambda *_: against)
     monkeypatch.setattr(no_worse, "channel_errors", errors)
+    monkeypatch.setattr(no_worse, "wind_up_error", lambda problem, held, model: twist[bool(model[1])])
     monkeypatch.setattr(no_worse, "adequacy_of", lambda *_: None)
     monkeypatch.setattr(no_worse, "out_of_phase", lambda *_: lost)
     monkeypatch.setattr(no_worse, "better_somewhere", lambda *_: True)
