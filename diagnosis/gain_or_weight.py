@@ -55,21 +55,26 @@ def gain_or_weight(
     for h in leading:
         held = [k for k, spec in enumerate(h.specs) if spec in laws.values()]
         if len(held) == 1 and not (GAIN in h.names and WEIGHT in h.names):
-            found.append(_swapped(objective, h, held[0], laws, stated))
+            other = _swapped(objective, h, held[0], laws, stated)
+            found.extend([] if other is None else [other])
     return found
 
 
 def _swapped(
     objective: Objective, h: Hypothesis, position: int, laws: dict[str, EffectSpec], stated: float
-) -> Hypothesis:
+) -> Hypothesis | None:
+    """``None`` where the whole weight is none or turned round, or the gain beyond its bounds: no gain makes up for that."""
     theta, effects = h.fit.coordinates.unpack(h.fit.x)
     value = effects[position].values[0]
+    gain = laws[GAIN].parameters[0]
     if name_of(h.specs[position]) == GAIN:
         scale = 1.0 / value
         instead = ActiveEffect(laws[WEIGHT], (stated * (scale - 1.0),))
-    else:
+    elif gain.lower * (1.0 + value / stated) <= 1.0 <= gain.upper * (1.0 + value / stated):
         scale = stated / (stated + value)
         instead = ActiveEffect(laws[GAIN], (scale,))
+    else:
+        return None
     names = objective.problem.base.names
     for k in h.fit.coordinates.free:
         if names[k] in ALONG:

@@ -45,10 +45,8 @@ NEARLY_AS_MUCH = (
     0.95  # of the chosen set's score, with which another fit of the same effects may be handed on instead ...
 )
 TRIED = 4  # ... and how many such are
-UNWOUND, TWICE = (
-    0.3,
-    2.0,
-)  # of the wind-up, and times the base's error of it, beyond which a model of the joint is none
+UNWOUND = 0.3  # of the wind-up, by which a model of the joint that is one is off at most ...
+TWICE = 2.0  # ... or so many times the base's error of it
 LOST_PHASE = 1.0  # rad of a line's own, by which the motor may be elsewhere than foretold
 NEARLY_WHOLE, HARDLY_NEARER, FAR_OFF = (
     0.9,  # of a mismatch that named effects explain, below which they are asked what they do for held-out runs ...

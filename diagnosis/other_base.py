@@ -31,7 +31,7 @@ LOST = 2.0  # times the stiffness that is stated, or its inverse, beyond which i
 
 
 def as_stated(objective: Objective, base: Fit) -> Vector | None:
-    """Base parameters as the campaign states them; ``None`` where it states no stiffness, or the base's is about that."""
+    """The start's base parameters with the stated stiffness; ``None`` where none is stated, or the base's is about that."""
     names, known = objective.problem.base.names, objective.problem.rig.stiffness_reference
     if known is None or "stiffness" not in names:
         return None

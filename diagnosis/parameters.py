@@ -41,11 +41,13 @@ def zero_near(runs: tuple[PreparedRun, ...]) -> bool:
 
 
 def _age(runs: tuple[PreparedRun, ...]) -> float:
-    """Of a torque [s]: where its clock's start is found from the runs themselves it is not found to better than half a sample."""
+    """Of a torque [s]: where a clock's start is found from the runs, beside another's, it is found to half a log's sample."""
     found = [
         HALF / run.motor.signal.rate
         for run in runs
-        if run.motor is not None and any(stream.start_uncertainty > 0.0 for stream in run.run.streams)
+        if run.motor is not None
+        and len(run.run.streams) > 1
+        and any(stream.start_uncertainty > 0.0 for stream in run.run.streams)
     ]
     return max((AGE, *found))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-DECIMALS = 15  # places that a double holds
+PLACES = 10  # of the largest sample's, that are tried: five fewer than a double holds
 ON_GRID = 1e-4  # of a step, by which a decimal number in binary is off it at most
 
 
@@ -19,7 +19,7 @@ def decimal_step(data: NDArray[np.float64]) -> float:
     if largest == 0.0:
         return 0.0
     highest = int(np.floor(np.log10(largest)))
-    for place in range(highest, highest - DECIMALS + 5, -1):
+    for place in range(highest, highest - PLACES, -1):
         scaled = finite * 10.0**-place
         if np.all(np.abs(scaled - np.round(scaled)) < ON_GRID):
             return float(10.0**place)

@@ -93,3 +93,12 @@ def test_without_a_stated_weight_there_is_nothing_to_swap(heavier, laws):
         objective = objective_of(level, pool)
         led = hypothesis(objective, start, (ActiveEffect(laws[GAIN], (0.8,)),))
         assert gain_or_weight(objective, [led], trials) == []
+
+
+@pytest.mark.parametrize("beside", [-1.0, -1.5, 4.0])
+def test_no_gain_makes_up_for_a_weight_that_is_none_or_turned_round_or_far_larger(heavier, laws, stated, beside):
+    trials = [ActiveEffect(law, law.scale(heavier)[:1]) for law in laws.values()]
+    with ThreadPoolExecutor(2) as pool:
+        objective = objective_of(heavier, pool)
+        led = hypothesis(objective, heavier.base.start, (ActiveEffect(laws[WEIGHT], (beside * stated,)),))
+        assert gain_or_weight(objective, [led], trials) == []

@@ -12,6 +12,7 @@ import pytest
 from jointscope.diagnosis.channels import high_pass
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.noise import quantum
+from jointscope.diagnosis.parameters import AGE
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prepare import prepare, prepare_inputs
 from jointscope.diagnosis.resolution import resolved, thinned
@@ -289,6 +290,11 @@ def test_an_unknown_start_is_found_and_is_no_effect(builders, plant):
         "torque_age"
     )  # a start is found to a part of a sample, and the torque may act as late
     assert problem.base.upper[k] == -problem.base.lower[k] == 0.5 / motor.signal.rate
+    alone = dataclasses.replace(
+        run, streams=(dataclasses.replace(plc, start_uncertainty=0.02, channels=(*plc.channels, *daq.channels)),)
+    )
+    one_clock = prepare(builders.campaign_of([alone]))
+    assert one_clock.base.upper[k] == AGE  # no other clock, and nothing to find
 
 
 @pytest.mark.parametrize(
