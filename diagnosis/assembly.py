@@ -244,6 +244,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
     assembly = Assembly(P, S, run, theta, problem)
     if not run.spring:
         P[kernel.K] = P[kernel.C] = 0.0
+        P[kernel.DIRECT] = 1.0
     observed = run.observed
     if observed is not None and not free:
         w0 = 2.0 * math.pi * observer_corner(run)
@@ -255,7 +256,7 @@ def assemble(run: PreparedRun, theta: Vector, problem: Problem, *, free: bool = 
             (observed.side, observed.rate_signal), kernel.OBS_V
         )
         P[row] = 1.0
-    elif run.speed_command is not None and run.motor_moves:
+    elif run.speed_command is not None and (run.motor_moves or closes(run, theta)):
         close_loop(assembly)
     return assembly
 
@@ -274,6 +275,12 @@ def observer_corner(run: PreparedRun) -> float:
     return min(RIGID_OBSERVER_HZ, max(OBSERVER_HZ, RATE_SHARE * run.observed.signal.rate))
 
 
+def closes(run: PreparedRun, theta: Vector) -> bool:
+    """Whether a rigid axis is foretold inside its drive's loop: its torque was logged, and the law is known."""
+    driven = run.motor is not None and run.speed_command is not None and not run.mode.startswith("prescribed")
+    return driven and not run.spring and float(theta[BASE_INDEX["drive_gain"]]) > 0.0
+
+
 def close_loop(assembly: Assembly) -> None:
     """Let the drive's speed law hold the rigid body; a logged torque stays the input above the drift it would cause.
 
@@ -288,7 +295,7 @@ def close_loop(assembly: Assembly) -> None:
     gain = factor * max(assembly.base("drive_gain"), 1e-9)
     P[kernel.LOOP_P] = gain
     P[kernel.LOOP_I] = factor * assembly.base("drive_integral")
-    total = P[kernel.J_M] + P[kernel.J_L]
+    total = P[kernel.J_L] if P[kernel.DIRECT] != 0.0 else P[kernel.J_M] + P[kernel.J_L]
     least = min(1.0, total * 2.0 * math.pi * COMMAND_HZ / gain)
     P[kernel.LOOP_MIX] = 1.0 if run.motor_torque is None else max(least, assembly.base("drive_trust"))
     if assembly.base("drive_limit") > 0.0:

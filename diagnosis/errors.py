@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from jointscope.diagnosis.assembly import closes
 from jointscope.diagnosis.noise import ANGULAR, NoiseModel, block_key
 from jointscope.diagnosis.own_hit import departure_columns, is_hit, least_scatter, within_scatter
 from jointscope.recordings.drift import FOLLOWING
@@ -73,9 +74,9 @@ def held_out_lines(held: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _adrift(run: PreparedRun, topology: str) -> bool:
-    if topology == "single-dof" and not run.spring:  # no loop of a drive is foretold around a rigid axis
-        return True
+def _adrift(run: PreparedRun, topology: str, base: Vector) -> bool:
+    if topology == "single-dof" and not run.spring:
+        return not closes(run, base)
     return run.speed_command is None and (run.motor_moves or not run.spring)
 
 
@@ -84,7 +85,7 @@ def without_drift(problem: Problem, errors: Sequence[ChannelError]) -> list[Chan
 
     Open loop the rigid body goes where the torque log's last hundredth carries it, so that its angle tells models nothing.
     """
-    adrift = {run.run.id for run in problem.runs if _adrift(run, problem.rig.topology)}
+    adrift = {run.run.id for run in problem.runs if _adrift(run, problem.rig.topology, problem.base.start)}
     return [e for e in errors if not (e.run in adrift and e.channel.startswith(FOLLOWING))]
 
 

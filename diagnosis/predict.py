@@ -109,7 +109,7 @@ def integrate(assembly: Assembly, rest: float | None = None) -> Vector:
     load = load_input(assembly)
     if S[kernel.LOAD_PRESCRIBED] or S[kernel.MOTOR] == kernel.MOTOR_PRESCRIBED:
         motor = run.motor_half  # the prescribed acceleration
-    elif not run.motor_moves and run.motor is not None:
+    elif not run.motor_moves and run.motor is not None and S[kernel.AT_LOOP] < 0:
         load = load + motor  # a rigid axis: the motor acts on the one inertia
     x = initial_state(assembly, float(motor[0]), rest)
     observed, command, chain = run.observed_half, run.command_half, assembly.chain

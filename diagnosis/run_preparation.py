@@ -61,7 +61,7 @@ def prepare_run(
     if mode is None:
         return None
     motor_moves = two and mode in ("observer", "closed-loop", "torque-driven")
-    if motor is not None and motor_moves:
+    if motor is not None and (motor_moves or not two):
         motor = without_noise(motor, log)
     if load is not None and run.experiment != "hammer":
         load = without_noise(load)
@@ -88,7 +88,7 @@ def prepare_run(
         observed_half, command_half, motor_half = prescribed_path(
             prescribed.samples / n, prescribed.sampling_rate, prescribed.stream.start, half
         )
-        outputs = outputs if spring else where_it_moves(outputs, half, command_half)
+        outputs = outputs if spring else where_it_moves(outputs, half, command_half, prescribed.sampling_rate)
     prepared = PreparedRun(
         run=run,
         index=index,

@@ -264,6 +264,8 @@ def _with_drive(base: BaseSpec, runs: tuple[PreparedRun, ...], drive: Drive | No
         for name in ("drive_gain", "drive_integral"):
             free[BASE_INDEX[name]] = loops
         total = start[BASE_INDEX["load_inertia"]] + start[BASE_INDEX["motor_inertia"]]
+        if not any(run.spring for run in runs):
+            total = 0.0  # a rigid axis, which is foretold open loop
         start[BASE_INDEX["drive_gain"]] = 60.0 * total
         start[BASE_INDEX["drive_integral"]] = 360.0 * total
         return replace(base, start=start, free=free)

@@ -33,14 +33,13 @@ from jointscope.sim.replay_inputs import (
 )
 from jointscope.sim.replay_outputs import ratio, read_output
 from jointscope.sim.replay_prescribed import load_force, moved_motor, path_of, prescribed
-from jointscope.sim.stepping import TIMESTEP, Controller, Trace, grid, machine
+from jointscope.sim.stepping import MOTOR_ON_LOAD, TIMESTEP, Controller, Trace, grid, machine
 
 Real = NDArray[np.float64]
 
 __all__ = ["LoggedLoop", "base_run", "logged_torque", "replay", "replay_run"]
 
 _ABSOLUTE = ("arm", "arm in space", "end-stop")  # tendons whose length is the load's own coordinate
-MOTOR_ON_LOAD = "motor on load"  # actuator of a single inertia whose motor is rigid with it
 
 
 def base_run(run: Run) -> Physics:
@@ -142,7 +141,9 @@ def replay_run(
     controller = None
     if single:
         if torque is not None:
-            columns[MOTOR_ON_LOAD] = torque(times + origin)
+            columns[MOTOR_ON_LOAD] = logged = torque(times + origin)
+            if not campaign.rig.grounded(held=held):
+                controller = _controller(campaign, run, loop, setup, logged, 0.0, times + origin, physics, torque)
     elif "motor" in setup.machine.inputs:
         hold = holding_command(setup)
         logged = torque(times + origin) if torque is not None else np.full(len(times), hold)
@@ -287,7 +288,7 @@ def _controller(
     torque: Torque | None,
 ) -> Controller | None:
     commands = run.select("speed-command", role="input")
-    if loop is None or not commands or "motor" not in setup.machine.inputs:
+    if loop is None or not commands or not {"motor", MOTOR_ON_LOAD} & set(setup.machine.inputs):
         if commands and torque is None:
             raise RefusedError(f"run {run.id!r}: a speed command without torque needs the drive's law (loop)")
         return None
@@ -299,7 +300,7 @@ def _controller(
         command,
         rate,
         ratio=ratio(campaign),
-        start_angle=setup.motor_angle,
+        start_angle=setup.motor_angle if "motor" in setup.machine.inputs else run.arm_angle,
         first=float(logged[0]) if torque is not None else hold,
         share=loop.share if torque is not None else 1.0,
         timestep=setup.machine.timestep,

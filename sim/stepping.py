@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 Real = NDArray[np.float64]
 
 TIMESTEP = 5e-5  # s
+MOTOR_ON_LOAD = "motor on load"  # actuator of a single inertia whose motor is rigid with it
 _FULL_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _VELOCITIES = (mujoco.mjtSensor.mjSENS_JOINTVEL, mujoco.mjtSensor.mjSENS_TENDONVEL)
 
@@ -71,6 +72,14 @@ class ForceLaw(Protocol):
 
     def __call__(self, t: float, q: Real, qd: Real) -> Real:
         """Force on every coordinate [N m], shape (nv,), at time ``t`` [s], angles ``q`` [rad], speeds ``qd`` [rad/s]."""
+
+
+@runtime_checkable
+class Hearing(ForceLaw, Protocol):
+    """A law that depends on what drives the machine."""
+
+    def hear(self, data: mujoco.MjData) -> None:
+        """The machine with this step's control and the last step's forces, shown before the law is asked."""
 
 
 class Actuation(Protocol):
@@ -193,17 +202,21 @@ def march(
     n = len(inputs)
     commanded = np.concatenate([inputs, inputs[-1:]])
     motor = machine.inputs.get("motor", -1)
-    motor_coordinate = model.joint("motor").qposadr[0] if motor >= 0 else 0
+    driven = machine.inputs.get(MOTOR_ON_LOAD, -1) if motor < 0 else motor
+    motor_coordinate = model.joint("motor" if motor >= 0 else "reducer").qposadr[0] if driven >= 0 else 0
     sensors = np.empty((n + 1, model.nsensordata))
     qpos, qvel, qacc, ctrl, applied = data.qpos, data.qvel, data.qacc, data.ctrl, data.qfrc_applied
     sensordata = data.sensordata
+    hear = law.hear if isinstance(law, Hearing) else None
     for k in range(n + 1):
         t = k * h
         if controller is not None:
-            commanded[k, motor] = controller(t, float(qpos[motor_coordinate]))
+            commanded[k, driven] = controller(t, float(qpos[motor_coordinate]))
         ctrl[:] = commanded[k]
         if actuation is not None and motor >= 0:
             ctrl[motor] = actuation(t, commanded[k, motor])
+        if hear is not None:
+            hear(data)
         if law is not None:
             applied[:] = law(t, qpos, qvel + (0.5 * h) * qacc)
         mujoco.mj_step(model, data)

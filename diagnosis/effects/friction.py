@@ -27,10 +27,12 @@ from jointscope.diagnosis.effects.spec import (
     Scale,
     Starts,
     Values,
+    needs_drive,
     needs_motor,
     one_start,
     share_of,
 )
+from jointscope.diagnosis.parameters import known_inertia
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.assembly import Assembly
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 
 
 SLOWEST = 1e-3  # of the top speed, below which a Stribeck speed is not told from sticking
+MOTOR_AT_MOST = 0.95  # share of a rigid axis's inertia that its motor's nameplate may have of it
 FASTEST = 0.8  # of the top speed, beyond which friction that falls is viscous damping that is too large
 LARGER = 1.08  # breakaway over sliding friction, from which it is a Stribeck friction
 CLEARLY_LARGER = 1.1  # the same, of one that is sought about a Coulomb friction
@@ -77,7 +80,8 @@ def _one_sided(assembly: Assembly, values: Values, weight: float) -> None:
 def top_speed(problem: Problem, location: str) -> float:
     """Peak speed of the motor or the arm at the joint output [rad/s]."""
     s = problem.scales
-    return max(s.motor_speed if location == "motor" else s.speed, 1e-6)
+    turning = location == "motor" and any(run.spring for run in problem.runs)
+    return max(s.motor_speed if turning else s.speed, 1e-6)
 
 
 def breaks_away(values: Values) -> bool:
@@ -124,9 +128,20 @@ def _stribeck(location: str, exponent: float) -> Apply:
     return apply
 
 
+def where_it_rubs(assembly: Assembly, side: str, coefficient: float) -> str:
+    """Side on which a gear's friction acts: of a rigid axis its one inertia, which has the motor's share of its own."""
+    if assembly.run.spring:
+        return side
+    P = assembly.P
+    J_M = known_inertia(assembly.problem.rig)
+    P[kernel.GEAR_SHARE] = J_M / (P[kernel.J_L] - J_M) if J_M < MOTOR_AT_MOST * P[kernel.J_L] else 0.0
+    P[kernel.PASSED] = coefficient if side == "motor" else -coefficient
+    return "load"
+
+
 def _load_dependent(location: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
-        first = _dry(assembly, location, 0.0, 0.0)
+        first = _dry(assembly, where_it_rubs(assembly, location, values[0]), 0.0, 0.0)
         assembly.P[first + 5] += values[0]
 
     return apply
@@ -291,7 +306,7 @@ LOAD_AND_DRAG: tuple[EffectSpec, ...] = (
             possible=possible,
         )
         for variant, side, possible in (
-            ("input-side", "motor", needs_motor),
+            ("input-side", "motor", needs_drive),
             ("output-side", "load", lambda problem: None),
         )
     ),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.effects import friction
-from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Location, ParameterSpec, Values
+from jointscope.diagnosis.effects.spec import Apply, EffectSpec, Location, ParameterSpec, Values, needs_motor
 from jointscope.diagnosis.effects.standstill import (
     PRESLIDING,
     ROUNDING,
@@ -36,17 +36,17 @@ DRIVEN = ParameterSpec("driven", "1", -0.9, 0.9)
 
 
 def _rounded_by_load(side: str) -> Apply:
-    at_load, at_speed, at_quadrant = (
-        (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED, kernel.ROUND_M_QUADRANT)
-        if side == "motor"
-        else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED, kernel.ROUND_L_QUADRANT)
-    )
-
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
         coefficient, speed, *driven = values
+        at = friction.where_it_rubs(assembly, side, coefficient)
+        at_load, at_speed, at_quadrant = (
+            (kernel.ROUND_M_LOAD, kernel.ROUND_M_SPEED, kernel.ROUND_M_QUADRANT)
+            if at == "motor"
+            else (kernel.ROUND_L_LOAD, kernel.ROUND_L_SPEED, kernel.ROUND_L_QUADRANT)
+        )
         assembly.P[at_load] = coefficient
         assembly.P[at_quadrant] = driven[0] if driven else 0.0
-        assembly.P[at_speed] = max(speed, steepest(assembly, side, coefficient * largest_load(assembly)))
+        assembly.P[at_speed] = max(speed, steepest(assembly, at, coefficient * largest_load(assembly)))
 
     return apply
 
@@ -61,6 +61,7 @@ def largest_load(assembly: Assembly) -> float:
 
 def _presliding_by_load(side: str) -> Apply:
     def apply(assembly: Assembly, values: Values, weight: float) -> None:
+        friction.where_it_rubs(assembly, side, values[0])
         presliding(side)(assembly, (0.0, values[1]), weight)
         assembly.P[kernel.PRE_LOAD] = values[0]
 
@@ -89,7 +90,8 @@ def _by_load(sharp: EffectSpec) -> tuple[EffectSpec, ...]:
         for form, further, law, apply, starts, limits, possible in (
             ("rounded", (ROUNDING,), creeping, _rounded_by_load(side), rounded, rounding_limits, sharp.possible),
             ("quadrants", (ROUNDING, DRIVEN), f"{creeping}, times 1 - driven sgn(T_S w)", _rounded_by_load(side),
-             lambda problem: tuple((*start, 0.0) for start in rounded(problem)[:1]), rounding_limits, sharp.possible),
+             lambda problem: tuple((*start, 0.0) for start in rounded(problem)[:1]), rounding_limits,
+             needs_motor if side == "motor" else sharp.possible),
             ("presliding", (PRESLIDING,), bending, _presliding_by_load(side), presliding_angles, presliding_limits,
              elastic(side)),
         )

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.assembly import BASE_INDEX, OBSERVER_ZETA, observer_corner
 from jointscope.diagnosis.channels import ACCELERATIONS
 from jointscope.diagnosis.effects.lines import Residuals, strongest
 from jointscope.diagnosis.wind_up import WIND_UP
@@ -31,14 +31,17 @@ Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Line = tuple[float, float]  # order [1] and phase [rad]
 
-# highest order per output turn (forty pins, and their second harmonic), per motor turn
+# highest order per output turn (forty pins, and their second harmonic; a motor of many poles), per motor turn
 TOPS = {True: 100.0, False: 14.0}
+GEARED = 4.0  # motor turns per output turn, from which on a motor is one that a gear slows
+PITCH = 2e-3  # m, the shortest of a slide's motor or screw
 CELLS = 12  # per shortest period, into which samples are put by angle
 FINER = 4  # points of the order's axis per 1/turns
 SMOOTHED_HZ = 2.0  # width over which the residual's spectrum is averaged
 SLOWEST = 0.02  # of the greatest speed, below which a turn shows no line
 COARSE = 160  # orders at which the denominator is worked out
 TURNS = {True: 0.1, False: 1.5}  # that a run must make, of the output and of the motor
+TRAVEL = 0.02  # m, that a slide's run must make
 PERIODS = 3.0  # of a line that a run must hold
 FRINGE = 2.5  # of 1/turns, beside the strongest line, within which its fringes are given too
 
@@ -55,23 +58,23 @@ def order_lines(
         per_output: Orders per turn of the output, else of the motor.
         source: A torque at the motor, or an angle in the transmission.
     """
-    grid = np.zeros(0)
+    top, least = _reach(problem, per_output)
     turns = [_turn(run, per_output) for run in problem.runs]
     longest = max((float(np.ptp(t)) for t in turns if t is not None), default=0.0)
-    if longest < TURNS[per_output]:
+    if longest < least:
         return ()
-    grid = np.arange(PERIODS / longest, TOPS[per_output], 1.0 / (FINER * longest))
+    grid = np.arange(PERIODS / longest, top, 1.0 / (FINER * longest))
     if grid.size < 3:
         return ()
     gain, together = np.zeros(grid.size), np.zeros(grid.size, dtype=complex)
     for run, turn, rows in zip(problem.runs, turns, residuals, strict=True):
-        if turn is None or float(np.ptp(turn)) < TURNS[per_output]:
+        if turn is None or float(np.ptp(turn)) < least:
             continue
         for output, r in zip(run.outputs, rows, strict=True):
-            if output.quantity not in (*ACCELERATIONS, WIND_UP) or not np.any(r):
+            if not (output.quantity in (*ACCELERATIONS, WIND_UP) or not run.spring) or not np.any(r):
                 continue
             at = np.interp(output.times, run.time, turn)
-            seen, energy = _matched(problem, output, r, at, grid, source)
+            seen, energy = _matched(problem, run, output, r, at, grid, source)
             gain += np.where(energy > 0.0, np.abs(seen) ** 2 / np.maximum(energy, 1e-300), 0.0)
             together += seen
     found = strongest(grid, gain, count)
@@ -89,25 +92,44 @@ def _fringes(gain: Vector, place: int, reach: int) -> list[int]:
     return sorted((int(k) for k in tops if k != place), key=lambda k: -float(gain[k]))[:2]
 
 
+def _reach(problem: Problem, per_output: bool) -> tuple[float, float]:
+    """The highest order that is looked for, and the turns that a run must make; a slide's turn is 2 pi m."""
+    ratio = 1.0 if per_output else problem.rig.reduction_ratio or 1.0
+    if problem.rig.motion == "translational":
+        return 2.0 * np.pi / (PITCH * ratio), TRAVEL * ratio / (2.0 * np.pi)
+    whole = per_output or ratio < GEARED
+    return TOPS[whole], TURNS[whole]
+
+
 def _turn(run: PreparedRun, per_output: bool) -> Vector | None:
-    """Turns of motor or output at the grid's nodes, or ``None`` where the run hardly moves."""
-    if run.observed is not None and not run.observed.rate_signal:
+    """Turns of motor or output at the grid's nodes, or ``None`` where nothing says them."""
+    if run.mode == "prescribed-load":
+        path = run.observed_half[::2]
+    elif run.observed is not None and not run.observed.rate_signal:
         path = run.observed_half[::2]
     elif run.command is not None:
         path = np.cumsum(run.command_half[::2]) / run.grid_rate + run.initial_angle
     else:
         return None
-    if np.ptp(path) * run.ratio <= 1.0:
-        return None
     return np.asarray(path * (1.0 if per_output else run.ratio) / (2.0 * np.pi))
 
 
-def _response(problem: Problem, omega: Vector, source: str, quantity: str) -> Complex:
-    """The arm's acceleration, or q_s - q, per torque at the motor or angle in the transmission, at ``omega`` [rad/s]."""
+def _response(
+    problem: Problem, omega: Vector, source: str, quantity: str, observed: tuple[float, float] | None = None
+) -> Complex:
+    """What a channel of ``quantity`` shows per torque at the motor or angle in the transmission, at ``omega`` [rad/s].
+
+    Args:
+        problem: Its base's start gives the joint's response: the arm's acceleration, or q_s - q.
+        omega: Frequencies [rad/s], shape (n,).
+        source: ``"ripple"`` or ``"error"``.
+        quantity: Of the channel.
+        observed: Corner [rad/s] and damping ratio [-] of the observer by which a rigid axis follows its record.
+    """
     b = {name: float(problem.base.start[i]) for name, i in BASE_INDEX.items()}
     spring = b["stiffness"] + 1j * omega * b["damping"]
     if b["stiffness"] <= 0.0 or b["motor_inertia"] <= 0.0:
-        return np.ones(omega.size, dtype=complex)  # one body: it follows
+        return _of_one_body(omega, quantity, observed)
     shares = 1.0 / b["motor_inertia"] + 1.0 / b["load_inertia"]
     if quantity == WIND_UP:
         pushed = np.full(omega.size, 1.0 / b["motor_inertia"]) if source == "ripple" else -spring * shares
@@ -117,15 +139,28 @@ def _response(problem: Problem, omega: Vector, source: str, quantity: str) -> Co
     return np.asarray(through * drive / b["load_inertia"])
 
 
+def _of_one_body(omega: Vector, quantity: str, observed: tuple[float, float] | None) -> Complex:
+    """Per torque over its inertia what one body shows: it follows, its path less what an observer takes away."""
+    times = {"angle": 0, "position": 0, "angular-velocity": 1, "velocity": 1}.get(quantity)
+    if times is None:
+        return np.ones(omega.size, dtype=complex)
+    s = 1j * np.maximum(omega, omega[1] if omega.size > 1 else 1.0)
+    below = s * s if observed is None else s * s + 2.0 * observed[1] * observed[0] * s + observed[0] ** 2
+    return np.asarray(s**times / below)
+
+
 def _matched(
-    problem: Problem, output: Output, r: Vector, turn: Vector, grid: Vector, source: str
+    problem: Problem, run: PreparedRun, output: Output, r: Vector, turn: Vector, grid: Vector, source: str
 ) -> tuple[Complex, Vector]:
     """sum_t z e^(-i 2 pi order turn) and its expected energy per unit amplitude, at the orders of ``grid``."""
     x = np.where(output.mask, r, 0.0)
     n = x.size
     spectrum = np.fft.rfft(x)
     f = np.fft.rfftfreq(n, 1.0 / output.rate)
-    h = _response(problem, np.asarray(2.0 * np.pi * f, dtype=np.float64), source, output.quantity)
+    omega = np.asarray(2.0 * np.pi * f, dtype=np.float64)
+    free = run.spring or run.observed is None
+    follows = None if free else (2.0 * np.pi * observer_corner(run), OBSERVER_ZETA)
+    h = _response(problem, omega, source, output.quantity, follows)
     power = np.square(np.abs(spectrum)) / n
     s = uniform_filter1d(power, max(3, round(SMOOTHED_HZ * n / output.rate)), mode="nearest") + 1e-3 * power.mean()
     z = np.fft.irfft(np.conj(h) * spectrum / np.maximum(s, 1e-300), n)

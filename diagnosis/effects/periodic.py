@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.effects.lines import Residuals
-from jointscope.diagnosis.effects.orders import order_lines
+from jointscope.diagnosis.effects.orders import PITCH, TRAVEL, order_lines
 from jointscope.diagnosis.effects.spec import (
     ActiveEffect,
     Apply,
@@ -27,6 +27,8 @@ from jointscope.diagnosis.effects.spec import (
     ResidualStarts,
     Starts,
     Values,
+    always,
+    needs_drive,
     needs_motor,
     needs_spring,
 )
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from jointscope.diagnosis.problem import Problem
 
 _MOTOR_ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
+_SLIDE_ORDERS = tuple(math.tau / pitch for pitch in (0.06, 0.03, 0.024, 0.016, 0.01))
 _OUTPUT_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 39.0, 40.0)
 TURNED = (0.0, math.tau / 3.0, -math.tau / 3.0)  # one of them is within 60 degrees of any phase
 
@@ -124,7 +127,7 @@ def possible_line(*, spring: bool, per_output: bool) -> Possible:
     """Whether the travel shows what returns with every turn of the motor or of the output."""
 
     def possible(problem: Problem) -> str | None:
-        reason = needs_motor(problem)
+        reason = needs_motor(problem) if spring else needs_drive(problem)
         if reason is None and spring:
             reason = needs_spring(problem)
         turn = problem.scales.travel * (1.0 if per_output else problem.rig.reduction_ratio or 1.0)
@@ -133,6 +136,15 @@ def possible_line(*, spring: bool, per_output: bool) -> Possible:
         return reason
 
     return possible
+
+
+def _of_a_slide(problem: Problem) -> str | None:
+    """Whether a motor without turns moves far enough for its pitch to return."""
+    if problem.rig.motion != "translational":
+        return "the motor turns"
+    if problem.scales.travel < TRAVEL:
+        return f"the travel of {problem.scales.travel:.2g} m is a small part of a motor's pitch"
+    return needs_drive(problem)
 
 
 def _error_sizes(problem: Problem) -> tuple[float, float, float]:
@@ -159,6 +171,7 @@ def _ripple_limits(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 PHASE = ParameterSpec("phase", "rad", -math.pi, math.pi)
+SLIDE_ORDER = ParameterSpec("order", "per motor turn", 0.05, 2.0 * math.pi / PITCH, log=True, fineness=0.03)
 MOTOR_ORDER = ParameterSpec("order", "per motor turn", 0.05, 200.0, log=True, fineness=0.03)
 OUTPUT_ORDER = ParameterSpec("order", "per output turn", 0.2, 2000.0, log=True, fineness=0.03)
 WHOLE = 0.06  # from a whole number, what an order may be off: the motor's own field returns with every turn
@@ -194,23 +207,29 @@ _PLAIN: tuple[EffectSpec, ...] = (
             ("output-order", OUTPUT_ORDER, _OUTPUT_ORDERS, True),
         )
     ),
-    EffectSpec(
-        name="torque-ripple",
-        location="motor",
-        variant="cogging",
-        family="periodic",
-        parameters=(ParameterSpec("amplitude", "N m", 0.0, 1e9, null=0.0), MOTOR_ORDER, PHASE),
-        law="tau + a sin(order angle + phase)",
-        revealed_by=("speed-motion",),
-        look_alikes=(_LINES[0], _LINES[2]),
-        apply=_ripple(loaded=False),
-        scale=_ripple_sizes,
-        starts=_starts(_MOTOR_ORDERS),
-        possible=possible_line(spring=False, per_output=False),
-        limits=_ripple_limits,
-        residual_starts=_found(False, "ripple"),
-        sensible=of_the_motor,
-        sensible_at=_seen_whole,
+    *(
+        EffectSpec(
+            name="torque-ripple",
+            location="motor",
+            variant=variant,
+            family="periodic",
+            parameters=(ParameterSpec("amplitude", "N m", 0.0, 1e9, null=0.0), order, PHASE),
+            law="tau + a sin(order angle + phase)",
+            revealed_by=("speed-motion",),
+            look_alikes=(_LINES[0], _LINES[2]),
+            apply=_ripple(loaded=False),
+            scale=_ripple_sizes,
+            starts=_starts(orders),
+            possible=possible,
+            limits=_ripple_limits,
+            residual_starts=_found(False, "ripple"),
+            sensible=sensible,
+            sensible_at=_seen_whole,
+        )
+        for variant, order, orders, possible, sensible in (
+            ("cogging", MOTOR_ORDER, _MOTOR_ORDERS, possible_line(spring=False, per_output=False), of_the_motor),
+            ("pitch", SLIDE_ORDER, _SLIDE_ORDERS, _of_a_slide, always),
+        )
     ),
     EffectSpec(
         name="torque-ripple",

@@ -192,6 +192,13 @@ def needs_motor(problem: Problem) -> str | None:
     return "the motor is held, absent or rigidly joined in every run"
 
 
+def needs_drive(problem: Problem) -> str | None:
+    """The motor side turns in some run, or a rigid axis is driven."""
+    if any(not run.spring and run.run.experiment != "hammer" for run in problem.runs):
+        return None
+    return needs_motor(problem)
+
+
 def made_to_show(spec: EffectSpec, runs: Iterable[PreparedRun]) -> bool:
     """Whether one of the runs' experiments is made to show the effect; a free run may be anything."""
     experiments = {run.run.experiment for run in runs}

@@ -19,10 +19,34 @@ from jointscope.diagnosis.kernel.laws import (
     rounded,
     slipping,
     tabled,
+    through_gear,
     turned,
     with_table,
 )
 from jointscope.diagnosis.kernel.layout import *
+
+
+@compiled
+def rubbing(through: float, q: float, v: float, P: Real, S: NDArray[np.int64], mem: Real) -> float:
+    """Friction at the load that creeps or builds up [N m], under what passes ``through`` the joint [N m]."""
+    torque = 0.0
+    if P[ROUND_L_SPEED] != 0.0:
+        torque += rounded(
+            P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(through, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
+            P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
+        )  # fmt: skip
+    if S[PRE_SITE] == AT_LOAD:
+        torque += bristles(mem[9], q - mem[8], v, through, P)
+    return torque
+
+
+@compiled
+def through_prescribed(needed: float, a: float, v: float, P: Real) -> float:
+    """What passes the gear of a rigid axis that moves as prescribed [N m]; ``needed`` is J_L a + R, its friction left out."""
+    r = P[GEAR_SHARE]
+    inside = needed - P[J_L] * r / (1.0 + r) * a
+    k = abs(P[PASSED]) if inside * v > 0.0 else -abs(P[PASSED])
+    return float(inside if P[PASSED] >= 0.0 else inside / (1.0 - k))
 
 
 def _rates_source(
@@ -96,20 +120,25 @@ def _rates_source(
     lift, push = P[OBS_1] * innovation, P[OBS_2] * innovation
 
     # motor side
-    tau = um
+    tau, direct = um, P[DIRECT]
     if S[AT_LOOP] >= 0:
         j = S[AT_LOOP]
-        wanted = P[LOOP_P] * (w - v_s) + P[LOOP_I] * x[j] + y
+        speed = v_s + direct * (v - v_s)
+        wanted = P[LOOP_P] * (w - speed) + P[LOOP_I] * x[j] + y
         if note:
             aux[12] = wanted
         held = min(max(wanted, -P[LOOP_LIMIT]), P[LOOP_LIMIT])
-        dx[j] = w - v_s if held == wanted else 0.0
+        dx[j] = w - speed if held == wanted else 0.0
         tau = um + P[LOOP_MIX] * (held - um)
+        ul += direct * tau
+    cogging, share = 0.0, 0.0
     for i in range(S[N_RIPPLE]):
         b = RIPPLE_0 + 4 * i
-        arg = P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3]
+        arg = P[b + 2] * (q_s + direct * (q - q_s) + P[MOTOR_ZERO]) + P[b + 3]
         sine, _ = turned(arg, mem, MEM_TURN + 3 * (LINES_EACH + i))
         tau += (P[b] + P[b + 1] * tau) * sine
+        cogging += direct * P[b] * sine
+        share += direct * P[b + 1] * sine
     force_m = tau - (1.0 + P[TE_REACTS] * back_m) * T - P[B_M] * v_s
     if S[TABLE_SITE] == AT_MOTOR:
         force_m += tabled(P, v_s if S[TABLE_OF] == OF_SPEED else q_s)
@@ -154,16 +183,9 @@ def _rates_source(
         dx[j], dx[j + 1] = x[j + 1], beta_2
 
     # load side
-    force_l = (1.0 - P[TE_REACTS] * back_l) * T + ul - P[B_L] * v - P[G_CONST]
+    force_l = (1.0 - P[TE_REACTS] * back_l) * T + ul + cogging + share * ul - P[B_L] * v - P[G_CONST]
     if S[TABLE_SITE] == AT_LOAD:
         force_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
-    if P[ROUND_L_SPEED] != 0.0:
-        force_l -= rounded(
-            P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
-            P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
-        )  # fmt: skip
-    if S[PRE_SITE] == AT_LOAD:
-        force_l -= bristles(mem[9], q - mem[8], v, T, P)
     if P[G_COS] != 0.0 or P[G_SIN] != 0.0:
         d = q + beta - mem[5]
         if abs(d) > TURN:
@@ -179,6 +201,16 @@ def _rates_source(
             reaction = P[STOP_K] * depth ** P[STOP_EXPONENT] * (1.0 + P[STOP_C] * P[STOP_SIDE] * v)
             if reaction > 0.0:
                 force_l -= P[STOP_SIDE] * reaction
+    through = T
+    if direct != 0.0 and S[LOAD_PRESCRIBED]:
+        needed = P[J_L] * um - force_l
+        through = through_prescribed(needed + cogging, um, v, P)
+        dry = sl * friction(P[FL_PLUS], P[FL_MINUS], P[FL_EXCESS], P[FL_SPEED], P[FL_EXPONENT], v, sl)
+        dry += sl * P[FL_LOAD] * abs(through) + rubbing(through, q, v, P, S, mem)
+        force_l += share * (needed + dry) / (1.0 + share)
+    elif direct != 0.0:
+        through = through_gear((1.0 + share) * ul + cogging, (1.0 + share) * ul + cogging - force_l, v, P)
+    force_l -= rubbing(through, q, v, P, S, mem)
     inertia = P[J_L]
     link_pull, near_pull = 0.0, 0.0
     if S[AT_LINK] >= 0:
@@ -191,7 +223,7 @@ def _rates_source(
         near_pull = P[NEAR_OMEGA] * P[NEAR_OMEGA] * x[j] + 2.0 * P[NEAR_ZETA] * P[NEAR_OMEGA] * x[j + 1]
         inertia -= P[NEAR_J]
         force_l += P[NEAR_J] * near_pull
-    level_l = P[FL_LOAD] * abs(T)
+    level_l = P[FL_LOAD] * abs(through)
     acceleration = 0.0
     if S[LOAD_PRESCRIBED]:
         acceleration = um

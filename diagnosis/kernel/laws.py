@@ -166,6 +166,19 @@ def by_quadrant(torque: float, share: float, v: float) -> float:
 
 
 @compiled
+def through_gear(drive: float, rest: float, v: float, P: Real) -> float:
+    """Torque T [N m] that passes the gear of a rigid axis with friction mu |T| sgn(v), ahead of T or behind it.
+
+    U = J_M a + T (1 + k) and J a = T - R, or U = J_M a + T and J a = T (1 - k) - R, with k = mu sgn(v T), r = J_M/J:
+    T (1 + r + k) = U + r R, or T (1 + r - r k) = U + r R. U is the ``drive``, R the ``rest`` of what the load takes.
+    """
+    r = P[GEAR_SHARE]
+    total = drive + r * rest
+    k = abs(P[PASSED]) if total * v > 0.0 else -abs(P[PASSED])
+    return float(total / (1.0 + r + (k if P[PASSED] >= 0.0 else -r * k)))
+
+
+@compiled
 def seated(el: float, P: Real) -> float:
     """x/(x + x_h) at a depth x = |``el``| [rad]: its root times K is Hertz's power 3/2 at first, the whole K in the end."""
     depth = abs(el)

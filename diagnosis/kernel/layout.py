@@ -80,7 +80,12 @@ POW_K, POW_ANGLE, POW_EXPONENT = (
     155,
     156,
 )  # stiffness [N m/rad] that |el|/angle to the power exponent - 1 adds
-N_P = 157
+DIRECT = 157  # 1 on a rigid axis: what drives it is what passes through it, and its own angle is the motor's
+PASSED, GEAR_SHARE = (
+    158,
+    159,
+)  # on a rigid axis: friction per torque ahead of where that is taken (below zero: behind it); J_M over the rest of J_L
+N_P = 160
 
 # --- integers of the switch vector S ------------------------------------------------------------------------------
 N_X, AT_LINK, AT_NEAR, AT_BASE, AT_BRANCH, N_BRANCH, AT_LOOP = 0, 1, 2, 3, 4, 5, 6

@@ -22,6 +22,7 @@ from jointscope.diagnosis.kernel.laws import (
     seated,
     slipping,
     tabled,
+    through_gear,
     turned,
     with_table,
 )
@@ -40,7 +41,23 @@ def _scalar_rates_source(
     -1, 0 between them; 2 where the wind-up says it.
     """
     J_m, J_l, k, c, b_m, b_l, gap, centre, inside, k_2, k_3, k_soft, soft, drift, drag, weight = p[:16]
-    g_cos, g_sin, stop_angle, stop_k, stop_c, stop_exponent, side, o_1, o_2, o_qs, o_vs, o_q, o_v, sided = p[16:]
+    (
+        g_cos,
+        g_sin,
+        stop_angle,
+        stop_k,
+        stop_c,
+        stop_exponent,
+        side,
+        o_1,
+        o_2,
+        o_qs,
+        o_vs,
+        o_q,
+        o_v,
+        sided,
+        direct,
+    ) = p[16:]
     lines, springs, corner, flank, rub, par, impact, sheds, power = on[:9]
     loops, reid, kind, rubs, table, ripples, round_m, round_l, pre = on[9:]
     delta, rate = q_s - q, v_s - v
@@ -106,12 +123,13 @@ def _scalar_rates_source(
         innovation = y - o_qs * q_s - o_vs * v_s - o_q * q - o_v * v
     lift, push = o_1 * innovation, o_2 * innovation
 
-    tau = um
+    tau, cogging = um, 0.0
     if rich:
         for i in range(ripples):
             b = RIPPLE_0 + 4 * i
-            arg = P[b + 2] * (q_s + P[MOTOR_ZERO]) + P[b + 3]
+            arg = P[b + 2] * (q_s + direct * (q - q_s) + P[MOTOR_ZERO]) + P[b + 3]
             sine, _ = turned(arg, mem, MEM_TURN + 3 * (LINES_EACH + i))
+            cogging += direct * (P[b] + P[b + 1] * (ul + cogging)) * sine
             tau += (P[b] + P[b + 1] * tau) * sine
     net_m = (tau - b_m * v_s) - T  # what T comes into last: each torque before it is ready while T is worked out
     if rich and lines > 0:
@@ -157,7 +175,11 @@ def _scalar_rates_source(
     d = angle - turn[0]
     even, odd = 1.0 - 0.5 * d * d, d - d * d * d / 6.0
     cosine, sine = turn[1] * even - turn[2] * odd, turn[2] * even + turn[1] * odd
-    net_l = T + ((ul - weight) - b_l * v + (g_sin * sine - g_cos * cosine) - (drag * v + sided) * abs(v))
+    through = T
+    if direct != 0.0:
+        rest = (weight + b_l * v) - (g_sin * sine - g_cos * cosine) + (drag * v + sided) * abs(v)
+        through = through_gear(ul + cogging, rest, v, P)
+    net_l = T + ((ul + cogging - weight) - b_l * v + (g_sin * sine - g_cos * cosine) - (drag * v + sided) * abs(v))
     if rich and lines > 0:
         net_l -= P[TE_REACTS] * back_l * T
     if rich and rubs:
@@ -165,11 +187,11 @@ def _scalar_rates_source(
             net_l += tabled(P, v if S[TABLE_OF] == OF_SPEED else q)
         if round_l:
             net_l -= rounded(
-                P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(T, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
+                P[ROUND_L] + P[ROUND_L_LOAD] * by_quadrant(through, P[ROUND_L_QUADRANT], v), P[ROUND_L_SPEED],
                 P[ROUND_L_EXCESS], P[ROUND_L_FALL], P[ROUND_L_SIDED], v,
             )  # fmt: skip
         if pre == AT_LOAD:
-            net_l -= bristles(mem[9], q - mem[8], v, T, P)
+            net_l -= bristles(mem[9], q - mem[8], v, through, P)
     if mode == 1 or mode == 2:
         net_l += (J_l - inertia) * pull
         if mode == 1:
@@ -180,7 +202,7 @@ def _scalar_rates_source(
             reaction = stop_k * depth**stop_exponent * (1.0 + stop_c * side * v)
             if reaction > 0.0:
                 net_l -= side * reaction
-    level_l = f[11] * abs(T)
+    level_l = f[11] * abs(through)
     dq, dv, a = lift, 0.0, mount
     if dry_l:
         if sl != 0:

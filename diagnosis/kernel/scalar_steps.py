@@ -65,7 +65,7 @@ def _scalar_simulator(holds: int, HELD: bool) -> Callable[..., None]:
             P[J_M], P[J_L], P[K], P[C], P[B_M], P[B_L], P[GAP_HALF], P[GAP_CENTRE], P[GAP_DAMPING], P[K_2], P[K_3],
             P[K_SOFT], P[SOFT_ANGLE], P[DRIFT], P[C_QUADRATIC], P[G_CONST], P[G_COS], P[G_SIN], P[STOP_ANGLE],
             P[STOP_K], P[STOP_C], P[STOP_EXPONENT], P[STOP_SIDE], P[OBS_1], P[OBS_2], P[OBS_QS], P[OBS_VS], P[OBS_Q],
-            P[OBS_V], P[C_SIDED],
+            P[OBS_V], P[C_SIDED], P[DIRECT],
         )  # fmt: skip
         f = (
             P[FM_PLUS], P[FM_MINUS], P[FM_EXCESS], P[FM_SPEED], P[FM_EXPONENT], P[FM_LOAD],

@@ -141,11 +141,12 @@ def _write(building: Building, entry: Mapping[str, Any]) -> None:
 def drive_numbers(model: Mapping[str, Any], base: Mapping[str, float]) -> dict[str, float | None] | None:
     """The drive's speed law on the motor shaft and its share in a replayed torque; ``None`` where there is none."""
     gain = float(base.get("drive_gain") or 0.0)
-    if gain <= 0.0 or model["rig"]["topology"] != "two-inertia":
+    if gain <= 0.0:
         return None
     n = float(model["rig"].get("reduction_ratio") or 1.0)
     limit = float(base.get("drive_limit") or 0.0)
-    total = base["motor_inertia"] + base["load_inertia"]
+    single = model["rig"]["topology"] == "single-dof"
+    total = base["load_inertia"] + (0.0 if single else base["motor_inertia"])
     return {
         "proportional": gain / n**2,
         "integral": float(base.get("drive_integral") or 0.0) / n**2,

@@ -37,6 +37,7 @@ class Building:
         single, translational, vertical: Kind of rig.
         ratio: n [-].
         inertia: J_L [kg m^2 or kg].
+        motor_share: Of a single inertia the stated motor's part over the rest [-].
         percussion: Radius of the arm's centre of percussion by the maker's mass and centre of mass [m].
         taken: Part of J_L that further modes carry [kg m^2 or kg].
         stiffness, quadratic, cubic: K, k_2, k_3.
@@ -64,6 +65,7 @@ class Building:
     stiffness: float
     damping: float
     weight: complex
+    motor_share: float = 0.0
     percussion: float = 1.0
     taken: float = 0.0
     quadratic: float = 0.0
@@ -278,6 +280,7 @@ def begin(model: Mapping[str, Any], base: Mapping[str, float]) -> Building:
         vertical=vertical,
         ratio=n,
         inertia=joint.load_inertia,
+        motor_share=_motor_share(plate, n, joint.load_inertia) if single else 0.0,
         stiffness=joint.stiffness if base["stiffness"] > 0.0 else 0.0,
         damping=joint.damping,
         weight=complex(base["gravity_moment"]),
@@ -291,3 +294,9 @@ def begin(model: Mapping[str, Any], base: Mapping[str, float]) -> Building:
         spec.actuator("motor").trntype = mujoco.mjtTrn.mjTRN_TENDON
         spec.actuator("motor").target = "arm"
     return building
+
+
+def _motor_share(plate: Mapping[str, Any], n: float, total: float) -> float:
+    """What the nameplate has of the motor and its reducer, at the output, over the rest of the ``total`` inertia [-]."""
+    stated = ((plate.get("motor_inertia") or 0.0) + (plate.get("reducer_inertia") or 0.0)) * n * n
+    return stated / (total - stated) if stated < 0.95 * total else 0.0

@@ -40,7 +40,8 @@ def ripple(building: Building, location: str, variant: str, p: Parameters) -> st
 
 def _cogging(building: Building, amplitude: float, per_motor: float, phase: float) -> str:
     name = f"cogging {1 + sum(law['kind'] == 'cogging' for law in building.laws)}"
-    cogging = building.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target="motor")
+    at = (mujoco.mjtTrn.mjTRN_TENDON, "arm") if building.single else (mujoco.mjtTrn.mjTRN_JOINT, "motor")
+    cogging = building.spec.add_actuator(name=name, trntype=at[0], target=at[1])
     # a motor constant that is next to nothing: the control input does nothing either
     cogging.set_to_dcmotor(motorconst=[1e-9, 1e-9], resistance=1.0, cogging=[amplitude, per_motor, phase])
     building.law("cogging", actuator=name, per_motor=per_motor, phase=phase)

@@ -126,6 +126,9 @@ def _bristles(
 def load_dependent(building: Building, location: str, variant: str, p: Parameters) -> str:
     """mu |T_S| against the motion of one side."""
     at = "load" if variant.startswith("output-side") or building.single else "motor"
+    if building.single:
+        ahead = p["coefficient"] if variant.startswith("input-side") else -p["coefficient"]
+        building.law("gear-friction", ahead=ahead, motor_share=building.motor_share)
     if variant.endswith(("-rounded", "-quadrants")):
         _creeping(building, at, p["coefficient"], p["rounding"], 0.0, p["rounding"], 0.0, "speed-by-load")
         if p.get("driven", 0.0):

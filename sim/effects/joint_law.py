@@ -25,7 +25,7 @@ Law = Mapping[str, Any]
 
 MECHANICS = (
     "transmission-error", "gap-damping", "soft-middle", "power-spring", "stiffness-drift", *MEMORIES, "friction-level",
-    "torque-ripple", "weight", "external-vibration", "table", "bristles", "stop-loss",
+    "torque-ripple", "weight", "external-vibration", "table", "bristles", "stop-loss", "gear-friction",
 )  # fmt: skip
 _ON_SPRING = ("transmission-error", "gap-damping", "soft-middle", "power-spring", "stiffness-drift", *MEMORIES)
 
@@ -91,6 +91,13 @@ def _joint(model: mujoco.MjModel, name: str) -> int:
     return -1 if found < 0 else int(model.jnt_dofadr[found])
 
 
+def _sprung(model: mujoco.MjModel, reducer: int) -> bool:
+    """Whether the reducer's coordinate hangs on a spring, its own or a tendon's."""
+    tendons = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, n) for n in ("reducer spring",))
+    own = any(model.jnt_stiffness[j] != 0.0 for j in np.flatnonzero(model.jnt_dofadr == reducer))
+    return own or any(n >= 0 and model.tendon_stiffness[n] != 0.0 for n in tendons)
+
+
 class _JointLaw:
     """Evaluated once per step in order of time; states belong to one take."""
 
@@ -144,6 +151,20 @@ class _JointLaw:
                 self.contacts.append((array, index, float(array[index]), at == "motor", changing))
         motor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, "motor")
         self.gear = float(model.actuator_gear[motor, 0]) if motor >= 0 else 0.0
+        self.direct = self.motor < 0 and not _sprung(model, self.reducer)
+        gear = next(iter(by_kind["gear-friction"]), None)
+        self.gear_friction = (0.0, 0.0) if gear is None else (float(gear["ahead"]), float(gear["motor_share"]))
+        self.drives = np.zeros(model.nu)
+        if arm >= 0:
+            on_it = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == arm)
+            plain = model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED
+            self.drives = np.where(on_it & plain, model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0], 0.0)
+        self.drive, self.rest = 0.0, 0.0
+
+    def hear(self, data: mujoco.MjData) -> None:
+        """Of a rigid axis what drives it in this step, and what its load takes beside its inertia, as of the last one [N m]."""
+        self.drive = float(self.drives @ data.ctrl)
+        self.rest = float(data.qfrc_bias[self.reducer] - data.qfrc_passive[self.reducer])
 
     def __call__(self, t: float, q: Real, qd: Real) -> Real:
         x, v = float(q[self.reducer]), float(qd[self.reducer])
@@ -156,7 +177,9 @@ class _JointLaw:
         force = self.force
         force[:] = 0.0
         torque = 0.0
-        if self.on_spring or self.share:
+        if self.direct:
+            torque = self._through(v_s + v)
+        elif self.on_spring or self.share:
             torque = self._transmission(t, q_s, v_s, x, v)
             if self.on_spring:
                 force[self.reducer] = (1.0 - self.back[1]) * torque - self.spring.native(-x, -v)
@@ -173,6 +196,9 @@ class _JointLaw:
         on_arm = self._tabled("load", angle=q_s + x, speed=v_s + v)
         on_arm += abs(torque) * self._tabled("load", **{"speed-by-load": v_s + v})
         on_arm += torque * self._tabled("load", **{"speed-by-torque": v_s + v})
+        if self.direct:
+            for share, per_motor, _per_load, phase in self.ripples:
+                on_arm += share * self.drive * math.sin(per_motor * (q_s + x + self.frame.motor_zero) + phase)
         on_arm -= sum(moment * math.cos(q_s + x + phase) for moment, phase in self.pulls)
         on_arm -= self._bristled(False, torque, t, q_s + x, v_s + v)
         for side, angle, damping in self.stops:
@@ -190,6 +216,17 @@ class _JointLaw:
             speed = abs(v_s if at_motor else v_s + v)
             array[index] = constant + sum(_level(law, speed, torque) for law in laws)
         return force
+
+    def _through(self, v: float) -> float:
+        """Torque that passes a rigid axis's gear [N m].
+
+        With r of the motor's inertia over the rest T (1 + r + k) = drive + r rest where the gear's friction k |T| is ahead
+        of it, T (1 + r - r k) = drive + r rest where it is behind; k has the sign of T v.
+        """
+        ahead, r = self.gear_friction
+        total = self.drive + r * self.rest
+        k = math.copysign(abs(ahead), total * v)
+        return total / (1.0 + r + (k if ahead >= 0.0 else -r * k))
 
     def _transmission(self, t: float, q_s: float, v_s: float, x: float, v: float) -> float:
         """T_S [N m]."""

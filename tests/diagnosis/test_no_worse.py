@@ -11,6 +11,7 @@ import pytest
 from jointscope.diagnosis import no_worse as last_word
 from jointscope.diagnosis import pipeline
 from jointscope.diagnosis.adjudicate import judge
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.effects.periodic import SPECS as PERIODIC
 from jointscope.diagnosis.errors import ChannelError, held_out_lines, without_drift, without_own_scatter
@@ -325,18 +326,23 @@ def replace_angle(problem, angle):
     return SimpleNamespace(runs=(SimpleNamespace(outputs=(output,), declared=run.declared, ratio=60.0),))
 
 
-@pytest.mark.parametrize(("topology", "spring", "commanded", "drifts"), [
-    ("single-dof", False, True, True),  # no loop of a drive is foretold around a rigid axis
-    ("single-dof", True, True, False),
-    ("two-inertia", True, True, False),
-    ("two-inertia", True, False, True),
+@pytest.mark.parametrize(("topology", "spring", "commanded", "law", "drifts"), [
+    ("single-dof", False, True, 0.0, True),  # a drive of which the law is not known
+    ("single-dof", False, True, 30.0, False),
+    ("single-dof", False, False, 30.0, True),
+    ("single-dof", True, True, 0.0, False),
+    ("two-inertia", True, True, 0.0, False),
+    ("two-inertia", True, False, 0.0, True),
 ])  # fmt: skip
-def test_an_angle_drifts_off_where_no_loop_of_a_drive_holds_it(topology, spring, commanded, drifts):
+def test_an_angle_drifts_off_where_no_loop_of_a_drive_holds_it(topology, spring, commanded, law, drifts):
     run = SimpleNamespace(
         run=SimpleNamespace(id="r"), spring=spring, motor_moves=topology == "two-inertia",
-        speed_command=object() if commanded else None,
+        speed_command=object() if commanded else None, motor=object(), mode="observer",
     )  # fmt: skip
-    problem = SimpleNamespace(rig=SimpleNamespace(topology=topology), runs=(run,))
+    start = np.zeros(len(BASE_INDEX))
+    start[BASE_INDEX["drive_gain"]] = law
+    base = SimpleNamespace(start=start)
+    problem = SimpleNamespace(rig=SimpleNamespace(topology=topology), runs=(run,), base=base)
     told = [ChannelError("r", "speed-motion", "linear-acceleration@arm", 0.1, 0.01)]
     angle = ChannelError("r", "speed-motion", "angle@arm", 2.0, 0.01)
     assert without_drift(problem, [angle, *told]) == (told if drifts else [angle, *told])

@@ -26,9 +26,11 @@ def bench(order, phase, source, noise, seed=1, reverse=False, quantity="linear-a
     )
     observed = SimpleNamespace(rate_signal=False)
     run = SimpleNamespace(
-        observed=observed, observed_half=np.repeat(angle, 2), time=t, ratio=RATIO, outputs=(output,)
-    )
-    problem = SimpleNamespace(runs=(run,), base=SimpleNamespace(start=start))
+        observed=observed, observed_half=np.repeat(angle, 2), time=t, ratio=RATIO, outputs=(output,),
+        mode="observer", spring=True,
+    )  # fmt: skip
+    rig = SimpleNamespace(reduction_ratio=RATIO, motion="rotational")
+    problem = SimpleNamespace(runs=(run,), base=SimpleNamespace(start=start), rig=rig)
     law = np.sin(order * RATIO * angle + phase)
     f = np.fft.rfftfreq(2 * t.size, 1.0 / RATE)
     shown = np.fft.irfft(_response(problem, 2.0 * math.pi * f, source, quantity) * np.fft.rfft(law, 2 * t.size))[

@@ -1,5 +1,7 @@
 """A motion that is prescribed by its record: where it rests, friction does not reverse with the record's noise."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,13 @@ from jointscope.diagnosis.effects import ActiveEffect, catalogue
 from jointscope.diagnosis.noise import white
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.prescribed_path import STANDS_OUT, prescribed_path, speed_noise
+from jointscope.diagnosis.prescribed_path import (
+    INVERSE_CORNER,
+    STANDS_OUT,
+    prescribed_path,
+    speed_noise,
+    where_it_moves,
+)
 from jointscope.diagnosis.recorder_step import decimal_step
 from jointscope.diagnosis.sizes import typical_sizes
 from jointscope.recordings.campaign import Nameplate, Run, Stream
@@ -234,3 +242,24 @@ def test_a_record_in_full_precision_lies_on_no_decimal_place():
     assert decimal_step(x) == 0.0
     assert decimal_step(np.zeros(10)) == 0.0
     assert decimal_step(np.round(x, 3)) == pytest.approx(1e-3)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    quantity: str
+    times: np.ndarray
+    mask: np.ndarray
+
+
+def test_nothing_is_scored_within_the_low_passs_reach_of_where_a_rigid_axis_turns():
+    """The smoothed speed turns elsewhere than the true one: a friction that turns with it is a spike."""
+    half = np.arange(8001) / 2000.0
+    speed = np.where(np.abs(half - 2.0) < 0.3, 0.0, np.sin(2.0 * np.pi * 0.5 * half))
+    force = Recorded("force", half[::2], np.ones(half[::2].size, dtype=bool))
+    scored = where_it_moves((force,), half, speed, 1000.0)[0].mask
+    turns = [0.0, 1.0, 1.7, 2.3, 3.0]
+    away = np.min(np.abs(half[::2, None] - np.array(turns)), axis=1)
+    moves = speed[::2] != 0.0
+    assert not np.any(scored & ~moves)
+    assert not np.any(scored & (away < 0.4 / INVERSE_CORNER))
+    assert np.all(scored[moves & (away > 0.7 / INVERSE_CORNER)])

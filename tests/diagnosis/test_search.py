@@ -244,7 +244,7 @@ def handed_on(
     run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"))
     diagnosis = SimpleNamespace(
         decision=decision, split=SimpleNamespace(held_out=(0,)),
-        problem=SimpleNamespace(runs=(run,), rig=SimpleNamespace(topology="two-inertia")),
+        problem=SimpleNamespace(runs=(run,), rig=SimpleNamespace(topology="two-inertia"), base=SimpleNamespace(start=None)),
         judgement=SimpleNamespace(base=base, judged=(base,), noise=None, objective=None),
     )  # fmt: skip
     return no_worse.handed_on(diagnosis, None).decision.verdict == "effects"

@@ -81,9 +81,10 @@ def entry(effect, location, variant="", runs=None, **parameters):
     return found if runs is None else {**found, "runs": runs}
 
 
-def stepped(run, *effects, rig=FLAT, timestep=H, **base):
+def stepped(run, *effects, rig=FLAT, timestep=H, plate=None, **base):
     """The run's outputs through the model with ``effects``, by (quantity, location)."""
-    plate = {key: getattr(rig, key) for key in ("topology", "motion", "plane", "reduction_ratio", "ground_spring")}
+    keys = ("topology", "motion", "plane", "reduction_ratio", "ground_spring")
+    plate = {**{key: getattr(rig, key) for key in keys}, **(plate or {})}
     built = augment({"kind": "diagnosis", "rig": plate, "base": {**BASE, **base}, "effects": list(effects)})
     campaign = Campaign(path=Path("campaign"), rig=rig, runs=(run,))
     done = replay_run(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from jointscope.errors import InputError, RefusedError
 from jointscope.models.effects import augment
@@ -203,3 +204,75 @@ def test_springs_of_description_and_mjcf_agree():
     for delta in np.linspace(-5e-4, 5e-4, 11):
         inside = abs(delta - 2e-5) <= 5e-5
         assert spring.native(delta, 0.1) - spring.torque(delta, 0.1) == pytest.approx(6.0 if inside else 0.0)
+
+
+SLIDE = Nameplate(topology="single-dof", motion="translational", plane="horizontal", ground_spring=False)
+AXIS = Nameplate(
+    topology="single-dof", motion="rotational", plane="vertical", ground_spring=False, reduction_ratio=N
+)
+
+
+def driven(torque, **more):
+    """A torque at the motor of a rigid axis, and its angle."""
+    none = np.zeros(torque.size)
+    channels = [channel("torque", "motor", "input", torque / N), channel("angle", "arm", "output", none)]
+    return run_of((RATE, channels), experiment="torque-sweep", **more)
+
+
+@pytest.mark.parametrize("variant", ["input-side", "output-side", "input-side-rounded"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_rigid_axiss_gear_takes_its_share_of_what_passes_it(variant, sign):
+    """U = J_M a + T (1 + k), J a = T - M cos q with friction ahead; U = J_M a + T, J a = T (1 - k) - M cos q behind."""
+    mu, J_M, M = 0.2, 1.2, 5.0
+    t = np.arange(1000) / RATE
+    more = {"rounding": 1e-3} if variant.endswith("rounded") else {}
+    run = driven(np.full(t.size, 40.0 * sign))
+    plate = {"motor_inertia": J_M / N**2, "reducer_inertia": 0.0}
+    q = stepped(
+        run, entry("load-dependent-friction", "transmission", variant, coefficient=mu, **more), rig=AXIS,
+        gravity_moment=M, plate=plate,
+    )[ARM]  # fmt: skip
+    a = np.gradient(np.gradient(q, t), t)[300:-3]
+    at_rest = M * np.cos(q[300:-3])
+    J, k = J_L - J_M, mu * sign * sign  # of T v, which is positive where the axis follows its torque
+    if variant.startswith("input"):
+        assert J_M * a + (J * a + at_rest) * (1.0 + k) == pytest.approx(40.0 * sign, rel=3e-3)
+    else:
+        assert J * a + at_rest == pytest.approx((40.0 * sign - J_M * a) * (1.0 - k), rel=3e-3)
+
+
+def test_a_slides_motor_cogs_with_its_path_and_takes_no_energy():
+    """M v^2/2 + (a/k) cos(k x) is what the force has done."""
+    a, k, push = 3.0, 2.0 * math.pi / 0.024, 20.0
+    t = np.arange(2000) / RATE
+    none = np.zeros(t.size)
+    run = run_of((RATE, [channel("force", "load", "input", np.full(t.size, push)),
+                         channel("position", "load", "output", none), channel("velocity", "load", "output", none)]),
+                 experiment="torque-sweep")  # fmt: skip
+    cogging = entry("torque-ripple", "motor", "pitch", amplitude=a, order=k, phase=0.0)
+    plate = {"reduction_ratio": 1.0}
+    found = stepped(run, cogging, rig=SLIDE, plate=plate)
+    x, v = found["position", "load"], found["velocity", "load"]
+    left = 0.5 * J_L * v**2 + a / k * (np.cos(k * x) - 1.0) - push * x
+    assert np.ptp(x) > 10.0 * 0.024
+    assert np.max(np.abs(left[20:-20])) < 2e-3 * push * np.ptp(x)
+    assert np.ptp(v - push / J_L * t) > 0.01
+
+
+def test_a_rigid_axis_is_held_by_its_drives_loop():
+    """J v' = K_p (w - v) + K_i int (w - v) with the whole law in the torque, whatever the log holds beside it."""
+    gain, integral = 80.0, 600.0
+    t = np.arange(4000) / RATE
+    w = 0.5 * np.sin(2.0 * t) ** 2
+    none = np.zeros(t.size)
+    run = run_of((RATE, [channel("speed-command", "motor", "input", N * w), channel("torque", "motor", "input", none + 0.01),
+                         channel("angle", "arm", "output", none)]), experiment="speed-motion")  # fmt: skip
+    flat = Nameplate(
+        topology="single-dof", motion="rotational", plane="horizontal", ground_spring=False, reduction_ratio=N
+    )
+    q = stepped(run, rig=flat, drive_gain=gain, drive_integral=integral, drive_trust=1.0)[ARM]
+    law = signal.lti([gain, integral], [J_L, gain, integral])
+    _, v, _ = signal.lsim(law, w, t)
+    held = signal.lsim(signal.lti([1.0, 0.0], [J_L, gain, integral]), none + 0.01 * N, t)[1]
+    expected = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1])) / RATE])
+    assert np.max(np.abs(q - expected)) < 0.02 * np.ptp(expected) + abs(held).sum() / RATE
