@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointscope.diagnosis.adjudicate import Judged, compare
 from jointscope.diagnosis.between_runs import varying_json
-from jointscope.diagnosis.calibration import calibrate, features, kind_of, learnt_map
+from jointscope.diagnosis.calibration import as_known, calibrate, features, kind_of, learnt_map
 from jointscope.diagnosis.constancy import changes_json
 from jointscope.diagnosis.describe import DEPENDS, showing
 from jointscope.diagnosis.errors import (
@@ -231,6 +232,8 @@ def marginal(diagnosis: Diagnosis) -> dict[str, float]:
 
 def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
     """The whole answer."""
+    weighed = probability_json(diagnosis)
+    diagnosis = replace(diagnosis, decision=as_known(diagnosis.decision, weighed["verdict_probability"]))
     problem, decision, judgement = diagnosis.problem, diagnosis.decision, diagnosis.judgement
     chosen = decision.chosen
     fit = with_fresh_jacobian(judgement.objective, chosen.fit)
@@ -266,7 +269,7 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
             "model_left": decision.adequacy.model_left,
         },
         "parameters": base_parameters(problem, chosen, found),
-        **probability_json(diagnosis),
+        **weighed,
         "unknown_reason": decision.unknown_reason,
         "parameter_shift": parameter_shift(problem, chosen, found),
         **next_json(diagnosis),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +22,7 @@ from jointscope.diagnosis.noise import block_key, dynamic_level
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.pipeline import Diagnosis
+    from jointscope.diagnosis.verdict import Decision
 
 FORMAT: Final = "jointscope-calibration/1"
 NAME: Final = "calibration.json"
@@ -65,11 +66,13 @@ class CalibrationMap:
         maps: Per kind of verdict.
         ranges: Per number, its least and greatest value in the draw.
         sets: Per word, the values that the draw held.
+        beyond: Per kind of verdict what the logit loses outside the range, learnt on other hands' campaigns.
     """
 
     maps: dict[str, Logistic]
     ranges: dict[str, tuple[float, float]]
     sets: dict[str, tuple[str, ...]]
+    beyond: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ class Calibrated:
     """A verdict's probability, and whether it may be taken as one.
 
     Attributes:
-        probability: By the map where there is one for this verdict inside its range, else as stated.
+        probability: By the map where there is one for this verdict; outside its range less sure, by what is known there; as
+            stated without a map.
         in_domain: Whether the campaign lies in the calibrated range.
         reason: What lies outside, else ``None``.
     """
@@ -148,9 +152,34 @@ def calibrate(found: Mapping[str, Any], kind: str, stated: float, learnt: Calibr
     reason = outside(found, learnt)
     if reason is None and kind not in learnt.maps:
         reason = f"too few answers of the kind {kind} in the calibration"
-    if reason is not None:
+    if kind not in learnt.maps:
         return Calibrated(stated, False, reason)
+    if reason is not None:
+        return Calibrated(shifted(learnt.maps[kind](found), learnt.beyond.get(kind, 0.0)), False, reason)
     return Calibrated(learnt.maps[kind](found), True, None)
+
+
+def shifted(probability: float, by: float) -> float:
+    """The probability whose logit is larger ``by`` that much."""
+    odds = probability / max(1.0 - probability, 1e-12) * math.exp(by)
+    return odds / (1.0 + odds)
+
+
+def as_known(decision: Decision, known: float) -> Decision:
+    """The decision whose ranking says what is known of the answer: the chosen set has its probability, the others what is left.
+
+    Without a name for what is there, all named sets together have what the verdict leaves them.
+    """
+    if decision.unknown_reason == "not-identifiable":
+        return decision
+    unnamed = decision.verdict == "unknown"
+    others = sum(r.probability for r in decision.ranking if unnamed or r.judged is not decision.chosen)
+    share = min(1.0, (1.0 - known) / others) if others > 0.0 else 1.0
+    ranking = tuple(
+        replace(r, probability=known if r.judged is decision.chosen and not unnamed else share * r.probability)
+        for r in decision.ranking
+    )
+    return replace(decision, ranking=ranking)
 
 
 def read_map(text: str) -> CalibrationMap:
@@ -162,6 +191,7 @@ def read_map(text: str) -> CalibrationMap:
         {k: Logistic(m["intercept"], tuple(m["weights"]), m["cases"]) for k, m in content["maps"].items()},
         {k: (float(v[0]), float(v[1])) for k, v in content["ranges"].items()},
         {k: tuple(v) for k, v in content["sets"].items()},
+        {k: float(v) for k, v in content.get("beyond", {}).items()},
     )
 
 

@@ -136,9 +136,15 @@ def _maps(x: Real, right: NDArray[np.bool_], kinds: NDArray[np.str_]) -> dict[st
 
 
 def learn_map(proofs: Sequence[Path], file: Path, spent: Sequence[Path] = ()) -> dict[str, Any]:
-    """Learn from proofs of calibration draws and of ``spent`` test draws, and write ``file``; the map as JSON."""
+    """Learn from proofs of calibration draws and of ``spent`` test draws, and write ``file``; the map as JSON.
+
+    What ``file`` holds of campaigns beyond any draw's range (``beyond``) stays.
+    """
     learnt = [row for proof in proofs for row in rows_of(proof, spent=proof in spent)]
     learnt.extend(row for proof in spent if proof not in proofs for row in rows_of(proof, spent=True))
     content = learn(learnt)
+    before = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    if "beyond" in before:
+        content["beyond"] = before["beyond"]
     write_text(file, json.dumps(content, indent=1, sort_keys=True) + "\n")
     return content

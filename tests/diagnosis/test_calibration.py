@@ -1,12 +1,23 @@
 """Calibrated probabilities: the map, its range, and honesty without a map."""
 
 import json
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from jointscope.cli import main
-from jointscope.diagnosis.calibration import FORMAT, INPUTS, RANGES, SETS, calibrate, kind_of, outside, read_map
+from jointscope.diagnosis.calibration import (
+    FORMAT,
+    INPUTS,
+    RANGES,
+    SETS,
+    as_known,
+    calibrate,
+    kind_of,
+    outside,
+    read_map,
+)
 from jointscope.errors import InputError
 from jointscope.experiments.prove.calibrate import fit_logistic, learn, learn_map
 from jointscope.experiments.prove.diagnosing import ANSWERS
@@ -57,14 +68,65 @@ def test_the_map_mends_an_overconfident_explainer(rows):
     assert calibration_error(np.array(said), np.array([r for *_, r in rows])) < 0.06
 
 
-def test_outside_the_range_the_stated_figure_stays_and_is_not_vouched_for(rows):
-    held = read_map(json.dumps(learn(rows)))
+@pytest.mark.parametrize("less", [0.0, 0.55])
+def test_outside_the_range_the_map_is_less_sure_and_not_vouched_for(rows, less):
+    held = read_map(json.dumps({**learn(rows), "beyond": {"effects": -less}}))
     _, found, _ = rows[0]
     assert outside(found, held) is None
+    inside = calibrate(found, "effects", 0.7, held).probability
     for changed in ({"runs": 99.0}, {"experiments": "speed-motion"}, {"snr_db": -40.0}):
         answer = calibrate({**found, **changed}, "effects", 0.7, held)
-        assert answer.probability == 0.7 and not answer.in_domain and next(iter(changed)) in answer.reason
-    assert calibrate(found, "not-identifiable", 0.7, held).in_domain is False
+        odds = inside / (1.0 - inside) * np.exp(-less)
+        assert answer.probability == pytest.approx(odds / (1.0 + odds))
+        assert not answer.in_domain and next(iter(changed)) in answer.reason
+    alone = calibrate(found, "not-identifiable", 0.7, held)
+    assert alone.probability == 0.7 and alone.in_domain is False
+
+
+@dataclass(frozen=True)
+class Ranked:
+    judged: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    verdict: str
+    unknown_reason: str | None
+    chosen: str
+    ranking: tuple[Ranked, ...]
+
+
+@pytest.mark.parametrize("known", [0.2, 0.7, 0.99])
+@pytest.mark.parametrize(("verdict", "reason", "chosen"), [
+    ("effects", None, "play"), ("none", None, "base"), ("unknown", "outside-catalogue", "base"),
+    ("unknown", "not-identifiable", "base"),
+])  # fmt: skip
+def test_a_ranking_says_what_is_known_of_the_answer(known, verdict, reason, chosen):
+    """The chosen set has the verdict's probability, the rest no more than is left; order and shares among them stay."""
+    ranking = tuple(Ranked(n, p) for n, p in (("play", 0.8), ("bend", 0.15), ("loop", 0.04), ("base", 0.01)))
+    found = as_known(Answer(verdict, reason, chosen, ranking), known).ranking
+    said = {r.judged: r.probability for r in found}
+    assert [r.judged for r in found] == [r.judged for r in ranking]
+    if reason == "not-identifiable":
+        assert found == ranking
+        return
+    assert sum(said.values()) <= 1.0 + 1e-12
+    rest = [n for n in said if verdict == "unknown" or n != chosen]
+    if verdict == "unknown":
+        assert sum(said.values()) == pytest.approx(min(1.0 - known, 1.0))
+    else:
+        assert said[chosen] == known
+    before = {r.judged: r.probability for r in ranking}
+    shares = [said[n] / before[n] for n in rest]
+    assert shares == pytest.approx([shares[0]] * len(rest)) and shares[0] <= 1.0
+
+
+def test_what_is_known_beyond_the_range_outlives_another_lesson(rows, tmp_path):
+    proof = proof_of(tmp_path / "a", rows[:80], "calibration")
+    (tmp_path / "map.json").write_text(json.dumps({"beyond": {"effects": -0.3}}))
+    learn_map([proof], tmp_path / "map.json")
+    assert read_map((tmp_path / "map.json").read_text()).beyond == {"effects": -0.3}
 
 
 def test_without_a_map_nothing_is_vouched_for(rows):
