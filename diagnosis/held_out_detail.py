@@ -66,7 +66,8 @@ def _inverse(run: PreparedRun, model: Model, problem: Problem) -> float:
     if pair is None:
         return float("nan")
     recorded, modelled = pair
-    return rms(recorded - modelled) / rms(recorded)
+    size = rms(recorded)
+    return rms(recorded - modelled) / size if size > 0.0 else float("nan")  # a decay with its drive off
 
 
 def _recorded(run: PreparedRun, output: Output) -> Vector | None:

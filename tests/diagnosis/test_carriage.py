@@ -15,6 +15,7 @@ import pytest
 from scipy.signal import lfilter
 
 from jointscope.diagnosis import assembly
+from jointscope.diagnosis import held_out_detail as detail_of
 from jointscope.diagnosis.base import refit_base, rewhiten
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, catalogue
@@ -220,3 +221,11 @@ def test_a_settled_sensor_does_not_remember_the_noise_of_the_forces_first_sample
         predicted.append(predict_outputs(prepared, problem.theta(load_inertia=M), (), problem)[which])
     quiet, spiked = predicted
     assert spiked[100:] == pytest.approx(quiet[100:], abs=0.02 * 5.0 / M)
+
+
+def test_a_decay_with_its_drive_off_has_no_inverse_error(monkeypatch):
+    """Of no force nothing is a share: a free pendulum among the held-out runs had ended in a division by zero."""
+    forces = iter([(np.zeros(9), np.ones(9)), (np.full(9, 2.0), np.ones(9))])
+    monkeypatch.setattr(detail_of, "inverse_force", lambda *_: next(forces))
+    assert math.isnan(detail_of._inverse(None, ((), ()), None))
+    assert detail_of._inverse(None, ((), ()), None) == 0.5
