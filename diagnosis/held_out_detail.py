@@ -14,12 +14,16 @@ from jointscope.diagnosis.noise import ANGULAR
 from jointscope.diagnosis.predict import free_prediction, inverse_force, predict_outputs
 from jointscope.diagnosis.prescribed_path import INVERSE_CORNER
 from jointscope.diagnosis.wind_up import WIND_UP
+from jointscope.recordings.campaign import gearing
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.effects import ActiveEffect
     from jointscope.diagnosis.problem import Output, PreparedRun, Problem
 
 Vector = NDArray[np.float64]
+NEARER_WIND_UP = (
+    0.9  # of the base's error of a wind-up, by which a model shows itself in it whatever moves both ends
+)
 Model = tuple[Vector, "tuple[ActiveEffect, ...]"]
 
 
@@ -102,11 +106,49 @@ def wind_up_error(problem: Problem, runs: Sequence[int], model: Model) -> float:
     return _mean([_wind_up(problem.runs[i], model, problem) for i in runs])
 
 
+def shown_between_devices(problem: Problem, runs: Sequence[int], base: Model, model: Model) -> bool:
+    """Whether encoders of two devices show a wind-up that ``model`` foretells clearly better than ``base`` does.
+
+    Each angle follows whatever moves the joint; their difference does not, and where one device recorded both it is compared
+    itself (``wind_up``).
+    """
+    apart = [i for i in runs if len(_encoders(problem.runs[i]) or ()) > 1]
+    of_base = wind_up_error(problem, apart, base)
+    return bool(wind_up_error(problem, apart, model) < NEARER_WIND_UP * min(of_base, 1.0))
+
+
 def _wind_up(run: PreparedRun, model: Model, problem: Problem) -> float:
-    if not any(output.quantity == WIND_UP for output in run.outputs):
+    told = _encoders(run)
+    if told is None:
         return float("nan")
     predicted = predict_outputs(run, *model, problem)
-    for output, y in zip(run.outputs, predicted, strict=True):
-        if output.quantity == WIND_UP and np.std(output.data[output.mask]) > 0.0:
-            return rms((output.data - y)[output.mask]) / float(np.std(output.data[output.mask]))
-    return float("nan")
+    masks = np.logical_and.reduce([run.outputs[i].mask for i in told])
+    recorded, foretold = (
+        sum(sign * rows[i] / _turns(run, i) for i, sign in told.items())
+        for rows in ([o.data for o in run.outputs], predicted)
+    )
+    size = float(np.std(np.asarray(recorded)[masks])) if masks.any() else 0.0
+    left = np.asarray(recorded - foretold)[masks]
+    zero = (
+        0.0 if len(told) == 1 else float(np.mean(left)) if masks.any() else 0.0
+    )  # encoders are zeroed each for itself
+    return rms(left - zero) / size if size > 0.0 else float("nan")
+
+
+def _encoders(run: PreparedRun) -> dict[int, float] | None:
+    """Outputs that say the wind-up, with their signs: itself, or the two ends' angles on the same samples of any devices."""
+    for i, output in enumerate(run.outputs):
+        if output.quantity == WIND_UP:
+            return {i: 1.0}
+    angles = [(i, o) for i, o in enumerate(run.outputs) if o.quantity in ("angle", "position")]
+    for i, motor in angles:
+        for j, arm in angles:
+            if motor.location == "motor" != arm.location and run.spring and np.array_equal(motor.times, arm.times):
+                return {i: 1.0, j: -1.0}
+    return None
+
+
+def _turns(run: PreparedRun, place: int) -> float:
+    """Turns of an output's own encoder per turn of the joint [-]."""
+    output = run.outputs[place]
+    return 1.0 if output.quantity == WIND_UP else gearing(output.quantity, output.location, run.ratio)

@@ -21,7 +21,7 @@ from jointscope.diagnosis.errors import (
     without_drift,
 )
 from jointscope.diagnosis.gates import AS_FORETOLD, REAL, Comparison
-from jointscope.diagnosis.held_out_detail import wind_up_error
+from jointscope.diagnosis.held_out_detail import shown_between_devices, wind_up_error
 from jointscope.diagnosis.intervals import like_nothing
 from jointscope.diagnosis.outside import resembled
 from jointscope.diagnosis.verdict import LACKING, TOO_MANY, adequacy_of, nothing_named
@@ -223,6 +223,10 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     def twist(judged: Judged) -> float:
         return wind_up_error(problem, held, judged.fit.coordinates.unpack(judged.fit.x))
 
+    def between_devices(judged: Judged) -> bool:
+        models = [j.fit.coordinates.unpack(j.fit.x) for j in (base, judged)]
+        return shown_between_devices(problem, held, models[0], models[1])
+
     of_base, twist_of_base = error(base), twist(base)
     enough = noise_alone(errors_of(base))
 
@@ -259,6 +263,8 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         faint = len(judged.names) == 1 and like_nothing(diagnosis.judgement.objective, judged.fit, FAINT)
         if faint and error(judged)[0] >= of_base[0]:
             return False
+        if confirmed(against) and between_devices(judged):
+            return True  # both ends carry the drive's error alike, their difference does not
         return better_somewhere(errors_of(judged), errors_of(base))
 
     def bare() -> Decision:

@@ -71,5 +71,5 @@ def from_other_base(
     own, _, _ = rewhiten(objective, there, noise, EARLY_ORDER)
     start = with_fresh_jacobian(own, there)
     left = residuals_of(stage.objective, stage.objective.predictions(theta, ()))
-    screening = screen_on(own, start, candidates_for(objective.problem, specs, left), effort)
+    screening = screen_on(own, start, candidates_for(stage.objective.problem, specs, left), effort)
     return [seen(objective, h) for h in fit_singles(own, start, screening, effort)]

@@ -241,7 +241,7 @@ def handed_on(
         ranking=(SimpleNamespace(score=1.0, names=chosen.names),),
         adequacy=SimpleNamespace(explained=math.nan),
     )
-    run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"))
+    run = SimpleNamespace(motor_moves=True, speed_command=1.0, run=SimpleNamespace(id="r"), outputs=())
     diagnosis = SimpleNamespace(
         decision=decision, split=SimpleNamespace(held_out=(0,)),
         problem=SimpleNamespace(runs=(run,), rig=SimpleNamespace(topology="two-inertia"), base=SimpleNamespace(start=None)),

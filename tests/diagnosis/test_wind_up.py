@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.channels import observe
+from jointscope.diagnosis.held_out_detail import shown_between_devices, wind_up_error
 from jointscope.diagnosis.noise import quantum
 from jointscope.diagnosis.predict import build, integrate, predict_outputs
 from jointscope.diagnosis.wind_up import WIND_UP, with_wind_up
@@ -71,3 +73,26 @@ def test_encoders_of_two_devices_are_compared_one_by_one(swept):
 def test_a_held_motor_leaves_everything_as_it_is(problem):
     braked = next(r for r in problem.runs if not r.motor_moves)
     assert with_wind_up(braked) is braked
+
+
+def test_a_wind_up_between_two_devices_shows_the_better_model(swept, problem, truth):
+    """Each angle follows whatever moves both; their difference says which joint twists, and is the same as one device's."""
+    motor, arm = swept.outputs
+    drift = 0.05 * np.sin(0.7 * motor.times)
+    apart = replace(
+        swept,
+        outputs=(
+            replace(motor, data=motor.data + swept.ratio * drift),
+            replace(arm, device=arm.device + 1, data=arm.data + drift + 0.2),
+        ),
+    )
+    softer = truth.copy()
+    softer[BASE_INDEX["stiffness"]] *= 0.8
+    of_two, of_one = replace(problem, runs=(apart,)), replace(problem, runs=(with_wind_up(swept),))
+    right, wrong = (truth, ()), (softer, ())
+    for model in (right, wrong):
+        assert wind_up_error(of_two, (0,), model) == pytest.approx(wind_up_error(of_one, (0,), model), abs=0.02)
+    assert shown_between_devices(of_two, (0,), wrong, right)
+    assert not shown_between_devices(of_two, (0,), right, wrong)
+    assert not shown_between_devices(of_two, (0,), right, right)
+    assert not shown_between_devices(of_one, (0,), wrong, right)  # where it is a channel, that decides
