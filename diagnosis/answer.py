@@ -240,7 +240,10 @@ def diagnosis_json(diagnosis: Diagnosis, free: Free) -> dict[str, Any]:
     found = estimates(judgement.objective, fit)
     held_out, _ = held_out_json(problem, free, diagnosis)
     comparison = next((r.comparison for r in decision.ranking if r.names == chosen.names), None)
-    effects = effects_json(chosen, found, marginal(diagnosis)) if decision.verdict == "effects" else []
+    known = {
+        name: max(marginal(diagnosis).get(name, 0.0), weighed["verdict_probability"]) for name in chosen.names
+    }
+    effects = effects_json(chosen, found, known) if decision.verdict == "effects" else []
     if comparison is not None:
         base_error = held_out["base_error"] if held_out else math.nan
         augmented = held_out["augmented_error"] if held_out else math.nan

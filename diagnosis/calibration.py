@@ -173,11 +173,11 @@ def as_known(decision: Decision, known: float) -> Decision:
     if decision.unknown_reason == "not-identifiable":
         return decision
     unnamed = decision.verdict == "unknown"
-    others = sum(r.probability for r in decision.ranking if unnamed or r.judged is not decision.chosen)
+    chosen = None if unnamed else decision.chosen.names
+    others = sum(r.probability for r in decision.ranking if r.names != chosen)
     share = min(1.0, (1.0 - known) / others) if others > 0.0 else 1.0
     ranking = tuple(
-        replace(r, probability=known if r.judged is decision.chosen and not unnamed else share * r.probability)
-        for r in decision.ranking
+        replace(r, probability=known if r.names == chosen else share * r.probability) for r in decision.ranking
     )
     return replace(decision, ranking=ranking)
 

@@ -158,6 +158,12 @@ def out_of_phase(problem: Problem, free: Free, held: Sequence[int], judged: Judg
     return False
 
 
+def between_devices(problem: Problem, held: Sequence[int], base: Judged, judged: Judged) -> bool:
+    """Whether encoders of two devices show the named effects in the held-out runs' wind-up, which neither angle does."""
+    models = [j.fit.coordinates.unpack(j.fit.x) for j in (base, judged)]
+    return shown_between_devices(problem, held, models[0], models[1])
+
+
 def unwound(own: float, of_base: float) -> bool:
     """Whether a model has lost the wind-up between two encoders, errors over signal, that the base foretells."""
     return own > UNWOUND and own > TWICE * of_base
@@ -223,10 +229,6 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
     def twist(judged: Judged) -> float:
         return wind_up_error(problem, held, judged.fit.coordinates.unpack(judged.fit.x))
 
-    def between_devices(judged: Judged) -> bool:
-        models = [j.fit.coordinates.unpack(j.fit.x) for j in (base, judged)]
-        return shown_between_devices(problem, held, models[0], models[1])
-
     of_base, twist_of_base = error(base), twist(base)
     enough = noise_alone(errors_of(base))
 
@@ -263,7 +265,7 @@ def handed_on(diagnosis: Diagnosis, free: Free) -> Diagnosis:
         faint = len(judged.names) == 1 and like_nothing(diagnosis.judgement.objective, judged.fit, FAINT)
         if faint and error(judged)[0] >= of_base[0]:
             return False
-        if confirmed(against) and between_devices(judged):
+        if confirmed(against) and between_devices(problem, held, base, judged):
             return True  # both ends carry the drive's error alike, their difference does not
         return better_somewhere(errors_of(judged), errors_of(base))
 

@@ -18,14 +18,13 @@ from jointscope.diagnosis.constancy import Change, changes
 from jointscope.diagnosis.effects import STRANGERS, at_rig
 from jointscope.diagnosis.encoder_lines import without_encoder_lines
 from jointscope.diagnosis.force_left import force_left
-from jointscope.diagnosis.held_out_detail import shown_between_devices
 from jointscope.diagnosis.locate import Places, judged_table, places
 from jointscope.diagnosis.logged_hum import without_logged_hum
 from jointscope.diagnosis.main_order import in_main_order
 from jointscope.diagnosis.mains import without_hum
 from jointscope.diagnosis.memory import Memory
 from jointscope.diagnosis.next_experiment import Suggestion, suggest
-from jointscope.diagnosis.no_worse import handed_on
+from jointscope.diagnosis.no_worse import between_devices, handed_on
 from jointscope.diagnosis.objective import Predict
 from jointscope.diagnosis.one_place import in_one_place
 from jointscope.diagnosis.outside import far_ahead
@@ -193,8 +192,7 @@ def diagnose(
     black_box = judged_table(judgement, where.tables[0]) if where.tables and where.tables[0].score > 0.0 else None
     if (decision.verdict == "none" or decision.unknown_reason == "outside-catalogue") and black_box is not None:
         decision = with_unknown_force(judgement, decision, black_box)
-    models = [j.fit.coordinates.unpack(j.fit.x) for j in (judgement.base, decision.chosen)]
-    if not shown_between_devices(problem, split.held_out, models[0], models[1]):
+    if not between_devices(problem, split.held_out, judgement.base, decision.chosen):
         decision = with_what_repeats(judgement, decision)
     whole = Diagnosis(
         problem,

@@ -26,6 +26,7 @@ IN_SPACE = "arm in space"  # tendon whose length is the arm's angle against the 
 _FAR = 1e3  # rad or m; beyond every travel
 
 Parameters = Mapping[str, float]
+MOTOR_AT_MOST = 0.95  # share of a single inertia that a nameplate's motor may have of it
 
 
 @dataclass
@@ -299,4 +300,4 @@ def begin(model: Mapping[str, Any], base: Mapping[str, float]) -> Building:
 def _motor_share(plate: Mapping[str, Any], n: float, total: float) -> float:
     """What the nameplate has of the motor and its reducer, at the output, over the rest of the ``total`` inertia [-]."""
     stated = ((plate.get("motor_inertia") or 0.0) + (plate.get("reducer_inertia") or 0.0)) * n * n
-    return stated / (total - stated) if stated < 0.95 * total else 0.0
+    return stated / (total - stated) if stated < MOTOR_AT_MOST * total else 0.0

@@ -85,7 +85,7 @@ def test_outside_the_range_the_map_is_less_sure_and_not_vouched_for(rows, less):
 
 @dataclass(frozen=True)
 class Ranked:
-    judged: str
+    names: tuple[str, ...]
     probability: float
 
 
@@ -93,7 +93,7 @@ class Ranked:
 class Answer:
     verdict: str
     unknown_reason: str | None
-    chosen: str
+    chosen: Ranked
     ranking: tuple[Ranked, ...]
 
 
@@ -104,10 +104,12 @@ class Answer:
 ])  # fmt: skip
 def test_a_ranking_says_what_is_known_of_the_answer(known, verdict, reason, chosen):
     """The chosen set has the verdict's probability, the rest no more than is left; order and shares among them stay."""
-    ranking = tuple(Ranked(n, p) for n, p in (("play", 0.8), ("bend", 0.15), ("loop", 0.04), ("base", 0.01)))
-    found = as_known(Answer(verdict, reason, chosen, ranking), known).ranking
-    said = {r.judged: r.probability for r in found}
-    assert [r.judged for r in found] == [r.judged for r in ranking]
+    ranking = tuple(Ranked((n,), p) for n, p in (("play", 0.8), ("bend", 0.15), ("loop", 0.04), ("base", 0.01)))
+    found = as_known(
+        Answer(verdict, reason, Ranked((chosen,), 0.5), ranking), known
+    ).ranking  # another fit of its names
+    said = {r.names[0]: r.probability for r in found}
+    assert [r.names for r in found] == [r.names for r in ranking]
     if reason == "not-identifiable":
         assert found == ranking
         return
@@ -117,7 +119,7 @@ def test_a_ranking_says_what_is_known_of_the_answer(known, verdict, reason, chos
         assert sum(said.values()) == pytest.approx(min(1.0 - known, 1.0))
     else:
         assert said[chosen] == known
-    before = {r.judged: r.probability for r in ranking}
+    before = {r.names[0]: r.probability for r in ranking}
     shares = [said[n] / before[n] for n in rest]
     assert shares == pytest.approx([shares[0]] * len(rest)) and shares[0] <= 1.0
 

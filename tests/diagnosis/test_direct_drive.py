@@ -1,14 +1,16 @@
 """A rigid axis: what drives it is what passes through it, and its own angle is the motor's."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel
 from jointscope.diagnosis.assembly import _plain
-from jointscope.diagnosis.effects import REGISTRY
+from jointscope.diagnosis.effects import REGISTRY, catalogue
 from jointscope.diagnosis.effects.lines import Residuals
+from jointscope.diagnosis.pipeline import diagnose
 from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.prepare import prepare
 from jointscope.recordings.campaign import Nameplate, Run, Stream
@@ -181,3 +183,52 @@ def test_a_rigid_axis_is_foretold_inside_its_drives_loop(builders):
         )
         error = np.sqrt(np.mean(np.square(y / n - q))) / np.sqrt(np.mean(np.square(q)))
         assert error < 0.02 if known else error > 0.5
+
+
+def servo(builders, cogging, seed=5):
+    """A driven table along known motions, its torque what they take: J a + b v less what cogs, the log with noise of its own."""
+    J, b, rate, rng = 0.4, 0.6, 500.0, np.random.default_rng(seed)
+    t = np.arange(2000) / rate
+    rig = Nameplate(
+        topology="single-dof", motion="rotational", plane="horizontal", reduction_ratio=1.0, inertia_reference=0.36,
+        ground_spring=False, efficiency=1.0,
+    )  # fmt: skip
+    runs = []
+    for k, (size, w) in enumerate([(0.9, 2.2), (0.6, 3.4), (1.1, 1.6), (0.8, 2.8)]):
+        q = size * (1.0 - np.cos(w * t)) + 0.1 * size * np.sin(2.9 * w * t) ** 3
+        v = np.gradient(q, t, edge_order=2)
+        a = np.gradient(v, t, edge_order=2)
+        torque = J * a + b * v - cogging * np.sin(14.0 * q + 0.7)
+        channels = (
+            builders.channel("T", "torque", "N m", "motor", "input", torque + 0.03 * rng.standard_normal(t.size)),
+            builders.channel("m", "angle", "rad", "motor", "output", np.round(q / 1e-5) * 1e-5),
+            builders.channel(
+                "a", "angular-acceleration", "rad/s^2", "arm", "output", a + 0.02 * rng.standard_normal(t.size)
+            ),
+        )
+        stream = Stream(file="m.csv", sampling_rate=rate, length=t.size, channels=channels)
+        role = "validate" if k == 3 else "estimate"
+        runs.append(Run(id=f"r{k}", experiment="speed-motion", streams=(stream,), role=role, initial="estimate"))
+    return prepare(builders.campaign_of(runs, rig))
+
+
+@pytest.mark.parametrize("cogging", [0.0, 0.12])
+def test_cogging_of_a_direct_drive_is_named_and_the_noise_of_its_log_is_not(builders, cogging):
+    problem = servo(builders, cogging)
+    with ThreadPoolExecutor(2) as pool:
+        found = diagnose(problem, predict_outputs, catalogue(problem), pool).decision
+    if cogging == 0.0:
+        assert found.verdict == "none"
+        return
+    assert found.chosen.names == ("torque-ripple@motor",)
+    _, (effect,) = found.chosen.fit.coordinates.unpack(found.chosen.fit.x)
+    assert effect.values[0] == pytest.approx(cogging, rel=0.05)
+    assert effect.values[1] == pytest.approx(14.0, abs=0.05)
+
+
+def test_the_noise_of_a_rigid_axiss_torque_log_is_taken_off(builders):
+    """The model's acceleration is the torque over the inertia: what noise the log leaves in it is no mismatch."""
+    run = servo(builders, 0.0).runs[0]
+    assert run.motor.noise == pytest.approx(0.03, rel=0.2)
+    raw = run.run.streams[0].channels[0].samples
+    assert np.std(np.diff(run.motor.samples, 2)) < 0.2 * np.std(np.diff(raw, 2))
