@@ -128,11 +128,12 @@ def _wind_up(run: PreparedRun, model: Model, problem: Problem) -> float:
         for rows in ([o.data for o in run.outputs], predicted)
     )
     size = float(np.std(np.asarray(recorded)[masks])) if masks.any() else 0.0
+    if size == 0.0:
+        return float("nan")
     left = np.asarray(recorded - foretold)[masks]
-    zero = (
-        0.0 if len(told) == 1 else float(np.mean(left)) if masks.any() else 0.0
-    )  # encoders are zeroed each for itself
-    return rms(left - zero) / size if size > 0.0 else float("nan")
+    if len(told) > 1:
+        left -= np.mean(left)  # encoders are zeroed each for itself
+    return rms(left) / size
 
 
 def _encoders(run: PreparedRun) -> dict[int, float] | None:

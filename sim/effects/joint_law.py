@@ -93,9 +93,9 @@ def _joint(model: mujoco.MjModel, name: str) -> int:
 
 def _sprung(model: mujoco.MjModel, reducer: int) -> bool:
     """Whether the reducer's coordinate hangs on a spring, its own or a tendon's."""
-    tendons = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, n) for n in ("reducer spring",))
-    own = any(model.jnt_stiffness[j] != 0.0 for j in np.flatnonzero(model.jnt_dofadr == reducer))
-    return own or any(n >= 0 and model.tendon_stiffness[n] != 0.0 for n in tendons)
+    tendon = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TENDON, "reducer spring")
+    own = bool(np.any(model.jnt_stiffness[model.jnt_dofadr == reducer] != 0.0))
+    return own or (tendon >= 0 and bool(model.tendon_stiffness[tendon] != 0.0))
 
 
 class _JointLaw:
