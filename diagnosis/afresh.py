@@ -76,7 +76,7 @@ def afresh(
     fitted = []
     for _, active in list(nearest.values())[:TRIED]:
         there = coordinates(objective.problem, (active.spec,))
-        alone = _under_noise_of_its_own(own, noise, there, there.pack(where.start, (active,)))
+        alone = under_noise_of_its_own(own, noise, there, there.pack(where.start, (active,)))
         fits = [fit_child(objective, start, [active], effort), with_fresh_jacobian(objective, alone)]
         fit = min((fit for fit in fits if fit is not None), key=lambda fit: fit.chi2)
         if fit.chi2 < base.chi2:
@@ -84,7 +84,7 @@ def afresh(
     return fitted
 
 
-def _under_noise_of_its_own(own: Objective, noise: NoiseModel, where: Coordinates, x: Vector) -> Fit:
+def under_noise_of_its_own(own: Objective, noise: NoiseModel, where: Coordinates, x: Vector) -> Fit:
     """Fitted from ``x`` under ``noise``, then under what that leaves: under a lost base's the hits weigh next to nothing."""
     fit = least_squares(own, where, x, simulations=REFITTED)
     for _ in range(NOISES):
@@ -137,7 +137,7 @@ def _under_its_own_noise(stage: Stage, spec: EffectSpec) -> Fit:
     grid = list(itertools.product(LEVELS, LIES))
     starts = [(base, (active,)) for base, active in map(start, grid)]
     base, active = starts[own.nearest(starts)]
-    return _under_noise_of_its_own(own, noise, where, where.pack(base, active))
+    return under_noise_of_its_own(own, noise, where, where.pack(base, active))
 
 
 def _two_sided(active: ActiveEffect) -> bool:

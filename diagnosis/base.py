@@ -31,6 +31,8 @@ Vector = NDArray[np.float64]
 EARLY_ORDER = (
     0  # of the noise filter while a mismatch may still stand in the residual: a filter would learn the mismatch
 )
+GIVEN_UP = 0.25  # of the data's rms, left in the median of a kind of channel ...
+TIMES = 3.0  # ... and so many times what the prepared start leaves there: it has been given up for others
 POOR = 0.3  # residual over signal above which other starting stiffnesses are tried
 STIFFNESS_STARTS = (0.8, 0.9, 1.12, 1.25)
 FEW = 3  # runs per experiment in the first, coarse fit
@@ -140,10 +142,15 @@ def relative_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> 
 
 def worst_misfit(runs: tuple[PreparedRun, ...], predictions: Predictions) -> float:
     """The same of the kind of channel that is predicted worst: what one sensor of several shows."""
+    return max(_by_kind(runs, predictions).values(), default=0.0)
+
+
+def _by_kind(runs: tuple[PreparedRun, ...], predictions: Predictions) -> dict[Key, float]:
+    """The same of every kind of channel."""
     kinds: dict[Key, list[float]] = {}
     for run, output, ratio in misfits(runs, predictions):
         kinds.setdefault(block_key(run, output), []).append(ratio)
-    return max((float(np.median(ratios)) for ratios in kinds.values()), default=0.0)
+    return {key: float(np.median(ratios)) for key, ratios in kinds.items()}
 
 
 def misfits(
@@ -204,7 +211,31 @@ def rewhiten(
     predictions = objective.predictions(theta, effects)
     pushed, way = _heard(objective, theta, effects, predictions, max_order)
     noise = estimate_noise(objective.prepared, predictions, before, max_order, way, pushed)
+    noise = _not_given_up(objective, predictions, noise, before, max_order)
     return whitened(objective, noise, predictions, pushed), noise, predictions
+
+
+def _not_given_up(
+    objective: Objective, predictions: Predictions, noise: NoiseModel, before: NoiseModel, max_order: int
+) -> NoiseModel:
+    """``noise``, but for kinds of channels that were given up though the prepared start follows them: what that one leaves."""
+    start = objective.problem.base.start
+    given_up, at_start = _given_up(objective, predictions)
+    if not given_up:
+        return noise
+    told, way = _heard(objective, start, (), at_start, max_order)
+    known = estimate_noise(objective.prepared, at_start, before, max_order, way, told)
+    return replace(noise, blocks={**noise.blocks, **{key: known.blocks[key] for key in given_up}})
+
+
+def _given_up(objective: Objective, predictions: Predictions) -> tuple[list[Key], Predictions]:
+    """Kinds of channels that the prepared start follows and ``predictions`` do not, and what the start predicts."""
+    left = {key: r for key, r in _by_kind(objective.prepared, predictions).items() if r > GIVEN_UP}
+    if not left:
+        return [], ()
+    at_start = objective.predictions(objective.problem.base.start, ())
+    followed = _by_kind(objective.prepared, at_start)
+    return [key for key, ratio in left.items() if ratio > TIMES * followed[key]], at_start
 
 
 def of_further_runs(
@@ -242,6 +273,22 @@ def _error(objective: Objective, predictions: Predictions) -> float:
     return float(np.mean([math.log(s + 1e-300) if math.isfinite(s) else math.inf for s in squares] or [0.0]))
 
 
+def _led_by(objective: Objective, where: Coordinates, kinds: Sequence[Key]) -> tuple[Objective, Fit]:
+    """The start as the runs with ``kinds`` of channels put it by themselves, there and in the problem.
+
+    With all that an axis leaves of its friction in the motions, an arm that hardly moves at all is the least wrong; hits with
+    the brake on say what it is.
+    """
+    problem = objective.problem
+    runs = tuple(
+        i for i in objective.runs if any(block_key(problem.runs[i], o) in kinds for o in problem.runs[i].outputs)
+    )
+    own = replace(objective, runs=runs)
+    fit = least_squares(whitened(own, white(own.prepared), None), where, where.pack(where.start, ()))
+    start, _ = where.unpack(fit.x)
+    return replace(objective, problem=replace(problem, base=replace(problem.base, start=start))), fit
+
+
 def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: ThreadPoolExecutor) -> Stage:
     """Fit the base to ``runs``, its noise and its parameters in turn."""
     where = coordinates(problem)
@@ -249,6 +296,9 @@ def refit_base(problem: Problem, predict: Predict, runs: tuple[int, ...], pool: 
     noise = white(objective.prepared)
     few = replace(objective, runs=representative(problem, runs, FEW, FEW))
     fit = _coarse(whitened(few, noise, None), where)
+    given_up, _ = _given_up(objective, objective.predictions(*where.unpack(fit.x)))
+    if given_up:
+        objective, fit = _led_by(objective, where, given_up)
     objective, noise, _ = rewhiten(objective, fit, noise, EARLY_ORDER)
     fit = least_squares(objective, where, fit.x, iterations=10, tolerance=1e-3)
     objective, noise, _ = rewhiten(objective, fit, noise, EARLY_ORDER)

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
@@ -46,6 +47,8 @@ ENVELOPE_WINDOW = 0.05  # s
 FOLLOWED = 0.75  # periods of the observer's corner beyond which it follows an angle: a quarter second at 3 Hz
 GAIN_BOUNDS = (0.002, 0.05)  # standard deviation of a hit's gain [-]
 TIMING_BOUNDS = (3e-6, 2e-4)  # of a hit's time [s]
+REMEMBERED = 400  # lags over which the memory of noise is counted
+BY_CHANCE = 10.8  # chi-squared of one degree of freedom, exceeded once in a thousand
 ANGULAR = ("angle", "position")
 
 
@@ -59,6 +62,8 @@ class BlockNoise:
         marginal: Standard deviation of the process itself [the channel's unit].
         kappa: Model error relative to the signal's envelope [-].
         ringing: What the noise of a logged torque makes of an angle that an observer holds, taken off before ``ar``.
+        told: Twice the nats by which noise that grows with the signal is likelier than noise that does not, over as many
+            samples as are independent: chi-squared of one degree where it does not grow.
     """
 
     ar: Vector
@@ -66,6 +71,12 @@ class BlockNoise:
     marginal: float
     kappa: float
     ringing: Ringing | None = None
+    told: float = 0.0
+
+    @property
+    def grown(self) -> float:
+        """``kappa`` where it is beyond chance, else 0 [-]: few bursts of coloured noise fall on some of the envelope."""
+        return self.kappa if self.told > BY_CHANCE else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,19 +190,35 @@ def _segments(residual: Vector, mask: NDArray[np.bool_]) -> list[Vector]:
     return [residual[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 4]
 
 
-def _relative_error(segments: list[Vector], envelopes: list[Vector], floor: float) -> tuple[float, float]:
-    """Maximum-likelihood (marginal, kappa) of r_t ~ N(0, marginal^2 + (kappa env_t)^2) over a grid of their ratio."""
+def _memory(segments: Sequence[Vector]) -> float:
+    """1 + 2 sum_k c(k)^2: how many samples of the residual's power count as one [-] (Bendat and Piersol 2010, 8.2)."""
+    lags = max(min(REMEMBERED, max(len(s) for s in segments)), 2)
+    c = np.zeros(lags)
+    for s in segments:
+        power = np.square(np.abs(rfft(s, next_fast_len(2 * len(s), real=True))))
+        found = irfft(power, next_fast_len(2 * len(s), real=True))[: min(lags, len(s))]
+        c[: len(found)] += found
+    return float(2.0 * np.sum(np.square(c / c[0])) - 1.0) if c[0] > 0.0 else 1.0
+
+
+def _relative_error(segments: list[Vector], envelopes: list[Vector], floor: float) -> tuple[float, float, float]:
+    """Maximum-likelihood (marginal, kappa) of r_t ~ N(0, marginal^2 + (kappa env_t)^2) over a grid of their ratio.
+
+    With twice the nats by which that beats kappa = 0, all samples counted as independent.
+    """
     r, env = np.concatenate(segments), np.concatenate(envelopes)
     variance = np.square(r)
     scale = max(float(np.max(env)), 1e-300)
     best, answer = np.inf, (max(float(np.sqrt(np.mean(variance))), floor), 0.0)
+    flat = np.inf
     for ratio in np.concatenate([[0.0], np.geomspace(0.5, 300.0, 24)]):
         d2 = 1.0 + np.square(ratio * env / scale)
         s2 = max(float(np.mean(variance / d2)), floor**2)
         cost = float(np.sum(np.log(s2 * d2) + variance / (s2 * d2)))
+        flat = min(flat, cost) if ratio == 0.0 else flat
         if cost < best - 1e-9:
             best, answer = cost, (float(np.sqrt(s2)), float(ratio * np.sqrt(s2) / scale))
-    return answer
+    return (*answer, flat - best)
 
 
 def block_noise(
@@ -232,21 +259,23 @@ def block_noise(
     if own_pole is not None:
         filters.extend(shaken(own_pole, peak, outputs[0].rate) for peak in PEAKS)
     if not coloured:
-        marginal, kappa = _relative_error(segments, envelopes, floor)
+        marginal, kappa, told = _relative_error(segments, envelopes, floor)
         ratio = kappa / marginal
-        return _shaped(_scaled(segments, envelopes, ratio), [], filters, floor, max_order, ratio)
+        scaled = _scaled(segments, envelopes, ratio)
+        return replace(_shaped(scaled, [], filters, floor, max_order, ratio), told=told / _memory(scaled))
     signal = [least * dynamic_part(o) for o in outputs]  # what no model is closer to, in the colour of the motion
     shape = _shaped(segments, signal, filters, floor, max_order, 0.0)
     skipped = len(shape.ar)
     if all(len(s) <= skipped for s in segments):
         return shape
     innovations = [lfilter(shape.ar, [1.0], s)[skipped:] for s in _through(shape.ringing, segments)]
-    marginal, kappa = _relative_error(innovations, [e[skipped:] for e in envelopes], 1e-3 * shape.sigma)
+    marginal, kappa, told = _relative_error(innovations, [e[skipped:] for e in envelopes], 1e-3 * shape.sigma)
     ratio = kappa / marginal
     d = [math.sqrt(1.0 + (ratio * dynamic_level(o)) ** 2) for o in outputs]
     signal = [x / d_run for x, d_run in zip(signal, d, strict=True)]
     least_white = floor * math.sqrt(float(np.mean([1.0 / d_run**2 for d_run in d])))
-    return _shaped(_scaled(segments, envelopes, ratio), signal, filters, least_white, max_order, ratio)
+    shape = _shaped(_scaled(segments, envelopes, ratio), signal, filters, least_white, max_order, ratio)
+    return replace(shape, told=told)
 
 
 def _scaled(segments: list[Vector], envelopes: list[Vector], ratio: float) -> list[Vector]:

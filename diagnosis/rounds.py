@@ -28,6 +28,7 @@ from jointscope.diagnosis.extensions import extensions
 from jointscope.diagnosis.gain_or_weight import gain_or_weight
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.heavy_modes import heavy_modes
+from jointscope.diagnosis.loops import loops
 from jointscope.diagnosis.modal import several_bends
 from jointscope.diagnosis.modes_apart import modes_apart
 from jointscope.diagnosis.noise import MAX_ORDER, NoiseModel
@@ -326,6 +327,7 @@ def explore(
     if not any(promising(arena, s, arena.base) for s in _first_of_each(arena)[:HOPES]):
         return screening, _with_strangers(_uncoupled(arena), (first,), outside, effort, more).hypotheses
     further = overshot(arena.objective, arena.hypotheses[:BEYOND])
+    further.extend(loops(stage, arena.objective, arena.base, arena.hypotheses, specs))
     further.extend(heavy_modes(first.objective, first.base.fit, candidates))
     if may_rattle(arena):
         further.extend(ring_downs(stage, first.objective, first.base.fit, specs))

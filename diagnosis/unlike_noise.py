@@ -19,6 +19,7 @@ from jointscope.diagnosis.own_hit import is_hit
 if TYPE_CHECKING:
     from jointscope.diagnosis.adequacy import Adequacy
     from jointscope.diagnosis.adjudicate import Judgement
+    from jointscope.diagnosis.noise import BlockNoise
     from jointscope.diagnosis.prepare import PreparedRun
 
 MATTERS: Final = 0.02  # of the signal's rms, below which an error's colour says nothing
@@ -40,19 +41,31 @@ def grows_with_signal(judgement: Judgement, fit: Adequacy) -> float:
     A record that is noise for the most part has an envelope of noise, and says nothing of it where that noise is white and,
     in hits, does not fade as they do.
     """
-    sizes, blocks = _error_sizes(fit), judgement.noise.blocks.items()
+    taken = {block_key(r, o) for r in judgement.objective.prepared for o in r.outputs if r.takes(o)}
+    told = {key: n for key, n in judgement.noise.blocks.items() if key[2] in ACCELERATIONS or key in taken}
+    return _most_grown(judgement, told, _error_sizes(fit))
+
+
+def still_grows(judgement: Judgement, fit: Adequacy, followed: float) -> float:
+    """The same of any channel beside a model, where that explains no more than ``followed`` of what repeats itself there [-]."""
+    sizes = {block.key: math.sqrt(max(block.model, 0.0)) for block in fit.blocks}
+    explained = {block.key for block in fit.blocks if block.explained > followed}
+    told = {key: n for key, n in judgement.noise.blocks.items() if key not in explained}
+    return _most_grown(judgement, told, sizes)
+
+
+def _most_grown(judgement: Judgement, told: dict[Key, BlockNoise], sizes: dict[Key, float]) -> float:
+    """Largest kappa of ``told`` that is no noise's, by the sizes of the errors over their signals."""
     fading = {
         key
         for run, predicted in zip(judgement.objective.prepared, judgement.base.predictions, strict=True)
         for key in fades(run, predicted)
     }
-    taken = {block_key(r, o) for r in judgement.objective.prepared for o in r.outputs if r.takes(o)}
     return max(
         (
-            n.kappa
-            for key, n in blocks
-            if (key[2] in ACCELERATIONS or key in taken)
-            and (sizes.get(key, 0.0) < MOSTLY or n.marginal > WHITE * n.sigma or key in fading)
+            n.grown
+            for key, n in told.items()
+            if sizes.get(key, 0.0) < MOSTLY or n.marginal > WHITE * n.sigma or key in fading
         ),
         default=0.0,
     )

@@ -19,7 +19,7 @@ from jointscope.diagnosis.outside import lead_asked, resembled
 from jointscope.diagnosis.remainder import FOLLOWS, Remainder
 from jointscope.diagnosis.search import nested
 from jointscope.diagnosis.twins import foreknown
-from jointscope.diagnosis.unlike_noise import foreseen, grows_with_signal, left_in_proportion
+from jointscope.diagnosis.unlike_noise import foreseen, grows_with_signal, left_in_proportion, still_grows
 
 if TYPE_CHECKING:
     from jointscope.diagnosis.input_scatter import Pushes
@@ -254,8 +254,7 @@ def decide(judgement: Judgement) -> Decision:
         return Decision("unknown", top.judged, sure, ranking, "outside-catalogue", (), fit)
     if len(top.names) >= TOO_MANY:
         return Decision("unknown", top.judged, beyond(1.5), ranking, "outside-catalogue", (), fit)
-    followed = {b.key for b in fit.blocks if b.explained > NEARLY_ALL}
-    growing = max((n.kappa for key, n in judgement.noise.blocks.items() if key not in followed), default=0.0)
+    growing = still_grows(judgement, fit, NEARLY_ALL)
     if growing > NOT_FOLLOWED and not fit.at_least > NEARLY_ALL:
         return Decision(
             "unknown", top.judged, beyond(growing / NOT_FOLLOWED), ranking, "outside-catalogue", (), fit

@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from jointscope.diagnosis import base
 from jointscope.diagnosis.base import of_further_runs, refit_base
-from jointscope.diagnosis.noise import MAX_ORDER
+from jointscope.diagnosis.coordinates import coordinates
+from jointscope.diagnosis.noise import MAX_ORDER, white
+from jointscope.diagnosis.objective import Objective
 from jointscope.diagnosis.predict import predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.refit import covariance, with_fresh_jacobian
+from jointscope.diagnosis.refit import Fit, covariance, with_fresh_jacobian
 from jointscope.diagnosis.split import split_runs
 
 HITS, GAIN = 6, 0.02
@@ -63,3 +66,36 @@ def test_a_model_that_goes_astray_does_not_say_how_noisy_other_runs_are(problem,
     level = [objective.whiteners[0].filters[0].sigma for objective in (alone, of_wrong, both, first)]
     assert level[1] > 5.0 * level[0]
     assert level[2] == level[3] == level[0]
+
+
+
+def test_a_fit_that_gives_up_the_hits_does_not_say_how_noisy_they_are(problem, truth):
+    """An arm thirty times as heavy hardly moves, as one does whose friction eats the drive's torque; hits know better."""
+    names = problem.base.names
+    heavy = truth.copy()
+    for name in ("stiffness", "damping", "load_inertia"):
+        heavy[names.index(name)] *= 30.0
+    near = truth.copy()
+    near[names.index("stiffness")] *= 1.01
+    started = replace(problem, base=replace(problem.base, start=near))
+    runs = tuple(range(len(problem.runs)))
+    with ThreadPoolExecutor(1) as pool:
+        where = coordinates(started)
+        objective = Objective(started, predict_outputs, runs, pool)
+        noise = white(objective.prepared)
+        sunk, right = (
+            Fit(where, where.pack(t, ()), np.zeros(1), np.zeros((1, where.n)), 0.0, True, True, 1)
+            for t in (heavy, near)
+        )
+        hits = [key for key in noise.blocks if key[0] == "hammer"]
+        given_up, _ = base._given_up(objective, objective.predictions(heavy, ()))
+        assert set(hits) <= set(given_up)
+        assert base._given_up(objective, objective.predictions(near, ())) == ([], ())
+        told, known = (base.rewhiten(objective, fit, noise, 0)[1] for fit in (sunk, right))
+        led, fit = base._led_by(objective, where, hits)
+        theta, _ = fit.coordinates.unpack(fit.x)
+    for key in hits:
+        assert told.blocks[key].marginal == known.blocks[key].marginal
+    ratio = names.index("stiffness"), names.index("load_inertia")
+    assert math.isclose(theta[ratio[0]] / theta[ratio[1]], truth[ratio[0]] / truth[ratio[1]], rel_tol=2e-3)
+    assert np.array_equal(led.problem.base.start, theta)

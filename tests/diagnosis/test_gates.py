@@ -36,7 +36,7 @@ def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead
     law = next(s for s in STRANGERS if s.name == "rubbing")
     listed, other = stand_in("hysteresis@transmission", ""), stand_in("rubbing@transmission", "")
     other.hypothesis.specs = (law,)
-    judged = (SimpleNamespace(names=()), listed, other)
+    judged = (SimpleNamespace(names=(), predictions=()), listed, other)
     scores = {listed.names: 500.0, other.names: 500.0 + lead}
     monkeypatch.setattr(verdict, "standing", lambda judgement: [listed])
     monkeypatch.setattr(verdict, "score", lambda judgement, j: scores[j.names])
@@ -44,7 +44,9 @@ def test_physics_outside_the_table_names_nothing_and_must_lead(monkeypatch, lead
     monkeypatch.setattr(verdict, "distance", lambda *_: 100.0)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), 1.0, 0.0, 0.0))
     noise = SimpleNamespace(blocks={})
-    decision = verdict.decide(SimpleNamespace(judged=judged, base=judged[0], noise=noise))
+    decision = verdict.decide(
+        SimpleNamespace(judged=judged, base=judged[0], noise=noise, objective=SimpleNamespace(prepared=()))
+    )
     assert decision.verdict == said
     assert decision.chosen is (judged[0] if said == "unknown" else listed)
 
@@ -218,6 +220,13 @@ def test_a_force_without_a_name_takes_evidence(monkeypatch, gain, held, foretold
     assert (found.chosen is table) is (said == "unknown")
 
 
+def judged_under(noise):
+    """A judgement of no runs, as far as a verdict asks for its noise."""
+    return SimpleNamespace(
+        base=SimpleNamespace(predictions=()), objective=SimpleNamespace(prepared=()), noise=noise
+    )
+
+
 @pytest.mark.parametrize(
     ("error", "innovation", "grows"),
     [
@@ -228,7 +237,7 @@ def test_a_force_without_a_name_takes_evidence(monkeypatch, gain, held, foretold
 )
 def test_an_envelope_of_noise_says_nothing_of_the_model(error, innovation, grows):
     key = ("speed-motion", False, "linear-acceleration", "arm", "tangential", 0.8, 1024.0)
-    noise = SimpleNamespace(kappa=0.68, marginal=1.0, sigma=innovation)
+    noise = SimpleNamespace(grown=0.68, marginal=1.0, sigma=innovation)
     nothing = SimpleNamespace(prepared=()), SimpleNamespace(predictions=())
     judgement = SimpleNamespace(noise=SimpleNamespace(blocks={key: noise}), objective=nothing[0], base=nothing[1])
     fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, base=error**2),))
@@ -251,7 +260,7 @@ def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
     monkeypatch, touched, left, material, said
 ):
     block = SimpleNamespace(
-        key="hits", excess=0.02, explained=touched, base_common=4e-4, model_common=4e-4 * (1.0 - touched)
+        key="hits", excess=0.02, model=0.0, explained=touched, base_common=4e-4, model_common=4e-4 * (1.0 - touched)
     )
     top = verdict.Ranked(
         ("torque-ripple@motor",), 0.99, 500.0, SimpleNamespace(names=("torque-ripple@motor",)), None
@@ -260,8 +269,8 @@ def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
     fit = Adequacy((block,), touched, left, left)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: fit)
     monkeypatch.setattr(verdict, "compare", lambda *_: replace(FOUND, material=material))
-    noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(kappa=0.02)})
-    assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
+    noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(grown=0.02, marginal=1.0, sigma=1.0)})
+    assert verdict.decide(judged_under(noise)).verdict == said
 
 
 @pytest.mark.parametrize(
@@ -276,8 +285,8 @@ def test_what_leaves_a_third_of_an_angle_is_no_answer(monkeypatch, kappa, explai
     top = verdict.Ranked(("gravity@load",), 0.99, 2700.0, SimpleNamespace(names=("gravity@load",)), None)
     monkeypatch.setattr(verdict, "rank", lambda _: [top])
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((), explained, 0.0, 0.0))
-    noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(kappa=kappa)})
-    assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
+    noise = SimpleNamespace(blocks={"an angle": SimpleNamespace(grown=kappa, marginal=1.0, sigma=1.0)})
+    assert verdict.decide(judged_under(noise)).verdict == said
 
 
 @pytest.mark.parametrize(("explained", "said"), [(0.96, "effects"), (0.5, "unknown")])
@@ -287,7 +296,7 @@ def test_what_differs_from_take_to_take_is_not_held_against_what_all_takes_share
         ("stribeck-friction@motor",), 0.99, 2e4, SimpleNamespace(names=("stribeck-friction@motor",)), None
     )
     monkeypatch.setattr(verdict, "rank", lambda _: [top])
-    block = SimpleNamespace(key="a wind-up", base=1.0, excess=0.9, explained=explained)
+    block = SimpleNamespace(key="a wind-up", base=1.0, model=0.5, excess=0.9, explained=explained)
     monkeypatch.setattr(verdict, "adequacy_of", lambda *_: Adequacy((block,), 0.8, 1.0, 0.2))
-    noise = SimpleNamespace(blocks={"a wind-up": SimpleNamespace(kappa=0.27)})
-    assert verdict.decide(SimpleNamespace(base=None, noise=noise)).verdict == said
+    noise = SimpleNamespace(blocks={"a wind-up": SimpleNamespace(grown=0.27, marginal=3.0, sigma=1.0)})
+    assert verdict.decide(judged_under(noise)).verdict == said

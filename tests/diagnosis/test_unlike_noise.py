@@ -8,7 +8,7 @@ import pytest
 
 from jointscope.diagnosis.noise import block_key
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.unlike_noise import fades, grows_with_signal, left_in_proportion
+from jointscope.diagnosis.unlike_noise import fades, grows_with_signal, left_in_proportion, still_grows
 
 
 def hit_and_key(builders):
@@ -43,7 +43,7 @@ def test_an_error_as_large_as_a_hit_grows_with_it_where_it_fades(builders, share
     noise = np.std(output.data) * rng.standard_normal(output.data.size)
     left = share * output.data if share else noise
     judgement = SimpleNamespace(
-        noise=SimpleNamespace(blocks={key: SimpleNamespace(kappa=0.4, marginal=1.0, sigma=0.7)}),
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(grown=0.4, marginal=1.0, sigma=0.7)}),
         objective=SimpleNamespace(prepared=(run,)),
         base=SimpleNamespace(predictions=((output.data - left,),)),
     )
@@ -67,10 +67,30 @@ def test_an_error_in_proportion_beside_what_was_named_is_no_noise(
 ):
     key = ("speed-motion", False, quantity, "arm", "tangential", 1.0, 1000.0)
     judgement = SimpleNamespace(
-        noise=SimpleNamespace(blocks={key: SimpleNamespace(kappa=kappa, marginal=1.0, sigma=0.8)}),
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(grown=kappa, marginal=1.0, sigma=0.8)}),
         objective=SimpleNamespace(prepared=()),
         base=SimpleNamespace(predictions=()),
     )
     block = SimpleNamespace(key=key, base=base**2)
     fit = SimpleNamespace(explained=explained, at_least=at_least, blocks=(block,))
     assert left_in_proportion(judgement, fit, 0.6) == pytest.approx(beyond)
+
+
+@pytest.mark.parametrize(
+    ("left", "sigma", "explained", "grows"),
+    [
+        (0.93, 1.0, 0.0, 0.0),  # a wind-up of two coarse encoders is their noise, as large as what they show
+        (0.93, 0.3, 0.0, 0.9),  # what sticks and slips leaves as much, and its own past foretells it
+        (0.2, 1.0, 0.0, 0.9),  # a small error that grows with the motion
+        (0.2, 1.0, 0.95, 0.0),  # of which the model explains what repeats itself
+    ],
+)
+def test_beside_a_model_a_record_of_noise_says_nothing(left, sigma, explained, grows):
+    key = ("free", False, "wind-up", "transmission", "tangential", -1.0, 1000.0)
+    judgement = SimpleNamespace(
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(grown=0.9, marginal=1.0, sigma=sigma)}),
+        objective=SimpleNamespace(prepared=()),
+        base=SimpleNamespace(predictions=()),
+    )
+    fit = SimpleNamespace(blocks=(SimpleNamespace(key=key, model=left**2, explained=explained),))
+    assert still_grows(judgement, fit, 0.9) == grows

@@ -1,5 +1,6 @@
 """Whitening is exact linear algebra; noise models are recovered from their own samples."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -124,7 +125,26 @@ def test_error_that_follows_the_signal_is_told_from_a_noise_floor():
     flat = block_noise([output], [0.05 * rng.standard_normal(len(y))], 0)
     assert np.isclose(proportional.kappa, 0.03, rtol=0.25)
     assert np.isclose(proportional.marginal, 0.05, rtol=0.15)
+    assert proportional.grown == proportional.kappa
     assert flat.kappa * env.max() < 0.03
+    assert flat.grown == 0.0
+
+
+def test_few_bursts_of_coloured_noise_do_not_grow_with_the_signal():
+    """Noise that remembers 30 samples falls on the envelope by chance, a record in three."""
+    rng = np.random.default_rng(4)
+    y = np.concatenate([np.sin(0.3 * np.arange(2000)), 0.05 * np.sin(0.3 * np.arange(6000))])
+    run = hit(y)
+    output = run.outputs[0]
+    from jointscope.diagnosis.noise import envelope
+
+    env = envelope(output)
+    slow = [lfilter([math.sqrt(1.0 - 0.97**2)], [1.0, -0.97], rng.standard_normal(len(y))) for _ in range(20)]
+    found = [block_noise([output], [0.2 * e], 12) for e in slow]
+    assert sum(n.kappa > 0.0 for n in found) > 5
+    assert all(n.grown == 0.0 for n in found)
+    growing = [block_noise([output], [e * np.sqrt(0.2**2 + (0.8 * env) ** 2)], 12) for e in slow]
+    assert all(n.grown > 0.0 for n in growing)
 
 
 def followed_angle(level, n=6000, rate=1000.0):

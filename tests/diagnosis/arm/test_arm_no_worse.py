@@ -99,7 +99,7 @@ def test_none_is_what_an_arm_s_file_is_right_to_and_no_more(common, kappa, verdi
     key = ("speed-motion", False, "linear-acceleration", "arm", "tangential", 0.5, 1000.0)
     judgement = SimpleNamespace(
         base=SimpleNamespace(predictions=()),
-        noise=SimpleNamespace(blocks={key: SimpleNamespace(kappa=kappa, marginal=3.0, sigma=1.0)}),
+        noise=SimpleNamespace(blocks={key: SimpleNamespace(grown=kappa, marginal=3.0, sigma=1.0)}),
         objective=SimpleNamespace(prepared=()),
     )
     fit = Adequacy((Block(key, 1000, 0.3**2, 0.3**2, common**2, common**2, 0.0),), math.nan, common, common)
