@@ -39,6 +39,7 @@ PAIRS = 40  # of runs that are compared per kind of channel
 LAGS = 400  # at least, over which the noise's own memory is counted: a joint rings for longer
 BURST = 0.25  # s over which the noise's power is averaged
 EXCESS = 0.01  # of the signal's rms: unexplained residual that is worth explaining
+GONE = 0.05  # of what the base leaves of a record, below which that was no noise
 SURE = 3.0  # standard errors by which common energy must stand out: 1.5 at most in 40 blocks of 14 nulls
 DIFFERING = 6  # pairs from which their own scatter can be told
 COARSE = 0.25  # of a residual's energy that is the quantiser's, above which nothing can be told from it
@@ -79,6 +80,11 @@ class Block:
     def left(self) -> float:
         """The same of the model."""
         return _standing_out(self.model_common, self.error)
+
+    @property
+    def gone(self) -> bool:
+        """Whether the model takes away nearly all that the base leaves, where no two runs tell how much of that is noise."""
+        return math.isnan(self.base_common) and self.base > EXCESS**2 and self.model < GONE * self.base
 
     @property
     def explained(self) -> float:
@@ -285,6 +291,19 @@ def _periods(run: PreparedRun, take: _Take) -> list[_Pair]:
     return [_pair(later, earlier, 0, take.quantised)]
 
 
+def share_explained(blocks: Sequence[Block]) -> float:
+    """Share of the mismatch's energy that the model explains [-], blocks by its rms; ``nan`` where no two runs tell any.
+
+    Where they do, records without a like one count too if the model leaves nearly nothing of them.
+    """
+    telling = [b for b in blocks if b.excess > EXCESS]
+    if not telling:
+        return math.nan
+    parts = [(1.0 - max(b.model_common, 0.0) / b.base_common, b.excess) for b in telling]
+    parts.extend((1.0 - b.model / b.base, math.sqrt(b.base)) for b in blocks if b.gone)
+    return sum(share * excess for share, excess in parts) / sum(excess for _, excess in parts)
+
+
 def adequacy(
     runs: Sequence[PreparedRun],
     noise: NoiseModel,
@@ -323,14 +342,9 @@ def adequacy(
                 float(np.mean([pair.claimed for pair in found])) if found else math.nan,
             )
         )
-    telling = [b for b in blocks if b.excess > EXCESS]
-    explained = math.nan
-    if telling:
-        total = sum(b.excess for b in telling)
-        explained = sum((1.0 - max(b.model_common, 0.0) / b.base_common) * b.excess for b in telling) / total
     return Adequacy(
         tuple(blocks),
-        explained,
+        share_explained(blocks),
         max((b.excess for b in blocks), default=0.0),
         max((b.left for b in blocks), default=0.0),
     )

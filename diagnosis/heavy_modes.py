@@ -110,17 +110,17 @@ def heavy_modes(
         best: Loss of the best set of as many effects that is known.
     """
     held = parent.coordinates.effects
-    laws = _laws(candidates, held)
+    laws = heavy_laws(candidates, held)
     theta, effects = parent.coordinates.unpack(parent.x)
     if not laws or any(spec.family == "mode" for spec in held) or theta[_K] <= 0.0:
         return []
     if worst_misfit(objective.prepared, objective.predictions(theta, effects)) < MUCH:
         return []
-    expected, peaks = objective.problem.base.start, _peaks(objective.problem)
+    expected, peaks = objective.problem.base.start, rung(objective.problem)
     without = profile_loss(objective, parent.w)
     found = []
-    groups = [group for trial in laws for group in _groups(theta, expected, peaks, trial)]
-    for starts in filter(None, groups):
+    laid = [group for trial in laws for group in groups(theta, expected, peaks, trial)]
+    for starts in filter(None, laid):
         spec = starts[0][1].spec
         where = coordinates(objective.problem, (*held, spec))
         base, active = starts[objective.nearest([(base, (*effects, active)) for base, active in starts])]
@@ -133,7 +133,7 @@ def heavy_modes(
     return found
 
 
-def _laws(candidates: Sequence[ActiveEffect], held: Sequence[EffectSpec]) -> list[ActiveEffect]:
+def heavy_laws(candidates: Sequence[ActiveEffect], held: Sequence[EffectSpec]) -> list[ActiveEffect]:
     """One trial of each law of a heavy mode that no effect beside it has the name of."""
     taken = {name_of(spec) for spec in held}
     first: dict[int, ActiveEffect] = {}
@@ -144,14 +144,14 @@ def _laws(candidates: Sequence[ActiveEffect], held: Sequence[EffectSpec]) -> lis
     return list(first.values())
 
 
-def _groups(
+def groups(
     theta: Vector, expected: Vector, peaks: Sequence[float], trial: ActiveEffect
 ) -> Iterator[list[tuple[Vector, ActiveEffect]]]:
     """Starts of a law, those in valleys of their own apart: of each the nearest is fitted."""
-    for posed in _posed(trial):
+    for ways in posed(trial):
         yield [
             start
-            for way in posed
+            for way in ways
             for start in (
                 *_starts(theta, way),
                 *(s for squared in peaks for s in _expected(expected, way, squared)),
@@ -161,7 +161,7 @@ def _groups(
         yield [start for squared in peaks for start in _of_two(theta, trial, squared)]
 
 
-def _posed(trial: ActiveEffect) -> list[list[ActiveEffect]]:
+def posed(trial: ActiveEffect) -> list[list[ActiveEffect]]:
     """The trial, or every way that it may lie where it lies differently in each posture; each list has its own valley."""
     if trial.spec.variant not in TURNED:
         return [[trial]]
@@ -174,7 +174,7 @@ def _posed(trial: ActiveEffect) -> list[list[ActiveEffect]]:
     ]
 
 
-def _peaks(problem: Problem) -> list[float]:
+def rung(problem: Problem) -> list[float]:
     """lambda [rad^2/s^2] of the highest peaks of the recordings themselves."""
     low, high = (factor * problem.scales.frequency for factor in BAND)
     peaks = spectral_peaks(problem, recorded(problem), low, high, RINGING, narrow=False)
@@ -191,7 +191,7 @@ def _starts(theta: Vector, trial: ActiveEffect) -> Iterator[tuple[Vector, Active
         base[_K], base[_J] = joint
         mount = trial.spec.variant in MOUNTS
         base[_C] *= (joint[0] / joint[1] / squared) ** 2 if mount else joint[1] / expected
-        yield base, _moved(trial, own, share, joint[1])
+        yield base, moved(trial, own, share, joint[1])
 
 
 def _expected(start: Vector, trial: ActiveEffect, squared: float) -> Iterator[tuple[Vector, ActiveEffect]]:
@@ -199,7 +199,7 @@ def _expected(start: Vector, trial: ActiveEffect, squared: float) -> Iterator[tu
     for own, share, joint in _beside(trial, squared, float(start[_J])):
         base = start.copy()
         base[_K] = joint[0] / joint[1] * start[_J]
-        yield base, _moved(trial, own, share, float(start[_J]))
+        yield base, moved(trial, own, share, float(start[_J]))
 
 
 def _of_two(theta: Vector, trial: ActiveEffect, other: float) -> Iterator[tuple[Vector, ActiveEffect]]:
@@ -225,7 +225,7 @@ def _of_two(theta: Vector, trial: ActiveEffect, other: float) -> Iterator[tuple[
         base = theta.copy()
         base[_K], base[_J] = joint
         base[_C] *= joint[1] / expected
-        yield base, _moved(trial, float(own), share, joint[1])
+        yield base, moved(trial, float(own), share, joint[1])
 
 
 def between_mount(one: float, other: float, own: float) -> float | None:
@@ -260,7 +260,7 @@ def _beside(
             yield own, share, joint
 
 
-def _moved(trial: ActiveEffect, own: float, share: float, load: float) -> ActiveEffect:
+def moved(trial: ActiveEffect, own: float, share: float, load: float) -> ActiveEffect:
     frequency = math.sqrt(own) / (2.0 * math.pi)
     if trial.spec.variant not in LINKS:
         return ActiveEffect(trial.spec, (frequency, share, *trial.values[2:]))

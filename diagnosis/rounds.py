@@ -25,6 +25,7 @@ from jointscope.diagnosis.eased import eased
 from jointscope.diagnosis.effects.coupled import PLAIN
 from jointscope.diagnosis.energies import error_energies, improvement
 from jointscope.diagnosis.extensions import extensions
+from jointscope.diagnosis.far_modes import far_modes
 from jointscope.diagnosis.gain_or_weight import gain_or_weight
 from jointscope.diagnosis.gates import MATERIAL
 from jointscope.diagnosis.heavy_modes import heavy_modes
@@ -315,6 +316,7 @@ def explore(
     singles.extend(from_other_base(stage, first.objective, first.noise, first.base.fit, laws, effort))
     singles.extend(sorted_afresh(stage, first.objective, own))
     singles.extend(resonances(first.objective, first.base.fit, candidates))
+    singles.extend(far_modes(stage, first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, problem, left, effort))
     bends = any(spec.variant == PLAIN.variant for spec in specs)
     if bends:

@@ -56,6 +56,8 @@ def still_grows(judgement: Judgement, fit: Adequacy, followed: float) -> float:
 
 def _most_grown(judgement: Judgement, told: dict[Key, BlockNoise], sizes: dict[Key, float]) -> float:
     """Largest kappa of ``told`` that is no noise's, by the sizes of the errors over their signals."""
+    if not told:
+        return 0.0
     fading = {
         key
         for run, predicted in zip(judgement.objective.prepared, judgement.base.predictions, strict=True)

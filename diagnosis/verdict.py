@@ -45,7 +45,10 @@ FORESEEN = 4.0  # times an error's innovation, above which it is no noise
 TOO_MANY = 3  # effects that together have mostly stood in for one that the catalogue does not hold
 BY_FORM = 0.001  # of a score: what a third effect adds, or still follows the input, is less than laws are off by
 AS_GOOD = 1e-5  # of a score, by which laws differ for how they are stepped
-BY_FIRST = 1e-4  # the same of a second effect: the first one's law is right to a hundredth of its size at best
+BY_EXACT = (
+    1e-4  # the same of a second effect: a law that has one form is right to a hundredth of its size at best, ...
+)
+BY_FIRST = 0.01  # ... another to a tenth: of 43 sets of readings, right ones led by 0.02, stand-ins by 0.005
 LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...
@@ -168,8 +171,8 @@ def rank(judgement: Judgement) -> list[Ranked]:
             for other, (v, _) in best.items()
             if 0 < len(other) < len(names) and not set(other) < set(names)
         }
-        parts = {o: v for o, (v, _) in best.items() if 0 < len(o) < len(names) and set(o) < set(names)}
-        least = [(1.0 + (BY_FORM if len(o) > 1 else BY_FIRST)) * v for o, v in parts.items()]
+        parts = [pair for o, pair in best.items() if 0 < len(o) < len(names) and set(o) < set(names)]
+        least = [(1.0 + _of_forms(part)) * v for v, part in parts]
         if 0.0 < value < max(least, default=0.0):
             best[names] = (-NOT_STANDING, judged)
         leading = [other for other, v in simpler.items() if value < LEADS_FEWER * v]
@@ -183,6 +186,13 @@ def rank(judgement: Judgement) -> list[Ranked]:
         for (names, (v, judged)), p in zip(best.items(), weights, strict=True)
     ]
     return sorted(ranked, key=lambda r: (-r.probability, -r.score))
+
+
+def _of_forms(judged: Judged) -> float:
+    """Share of a set's score that another form of its laws may add [-]."""
+    if len(judged.names) > 1:
+        return BY_FORM
+    return BY_EXACT if all(spec.exact for spec in judged.hypothesis.specs) else BY_FIRST
 
 
 def _of_fewest_numbers(scored: Sequence[tuple[float, Judged]]) -> tuple[float, Judged]:

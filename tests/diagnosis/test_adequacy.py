@@ -1,11 +1,19 @@
 """The floor is what repeats differ by; explained is energy explained beyond it."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from jointscope.diagnosis.adequacy import Block, _Pair, _standard_error, adequacy, input_period
+from jointscope.diagnosis.adequacy import (
+    Block,
+    _Pair,
+    _standard_error,
+    adequacy,
+    input_period,
+    share_explained,
+)
 from jointscope.diagnosis.noise import BlockNoise, NoiseModel, block_key
 
 RATE = 500.0
@@ -137,3 +145,18 @@ def test_pairs_that_differ_by_more_than_their_noise_tells_are_less_sure():
 def test_what_does_not_stand_out_of_the_scatter_is_not_left(base, left, error, explained):
     block = Block(("k",), 1000, base, left, base, left, error)
     assert block.explained == pytest.approx(explained, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("base", "left", "explained"),
+    [
+        (0.41, 0.0001, 0.832),  # hits of three levels, of which the model leaves nothing: that was no noise
+        (0.41, 0.2, 0.15),  # half of what is left may be noise: nothing is known of it
+        (0.00005, 0.0, 0.15),  # too little to count
+    ],
+)
+def test_records_without_a_like_one_count_where_the_model_leaves_nothing_of_them(base, left, explained):
+    motions = Block(("motions",), 1000, 0.026, 0.022, 0.025, 0.02125, 1e-4)
+    hits = Block(("hits",), 1000, base, left, math.nan, math.nan, math.nan)
+    assert share_explained([motions, hits]) == pytest.approx(explained, abs=1e-3)
+    assert math.isnan(share_explained([hits]))

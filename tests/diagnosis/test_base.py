@@ -68,7 +68,6 @@ def test_a_model_that_goes_astray_does_not_say_how_noisy_other_runs_are(problem,
     assert level[2] == level[3] == level[0]
 
 
-
 def test_a_fit_that_gives_up_the_hits_does_not_say_how_noisy_they_are(problem, truth):
     """An arm thirty times as heavy hardly moves, as one does whose friction eats the drive's torque; hits know better."""
     names = problem.base.names

@@ -260,7 +260,12 @@ def test_what_is_left_where_an_effect_does_not_act_is_not_held_against_it(
     monkeypatch, touched, left, material, said
 ):
     block = SimpleNamespace(
-        key="hits", excess=0.02, model=0.0, explained=touched, base_common=4e-4, model_common=4e-4 * (1.0 - touched)
+        key="hits",
+        excess=0.02,
+        model=0.0,
+        explained=touched,
+        base_common=4e-4,
+        model_common=4e-4 * (1.0 - touched),
     )
     top = verdict.Ranked(
         ("torque-ripple@motor",), 0.99, 500.0, SimpleNamespace(names=("torque-ripple@motor",)), None

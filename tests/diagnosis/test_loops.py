@@ -69,7 +69,7 @@ def sought(builders, slips):
             fits = [fit_child(objective, stage.fit, [t], Effort()) for t in trial_effects(spec, problem, (1,))[:2]]
             singles.extend(Hypothesis((spec,), f, profile_loss(objective, f.w)) for f in fits if f is not None)
         found = loops(stage, objective, base, singles, specs)
-    return min((h.loss for h in [base, *singles])), found
+    return min(h.loss for h in [base, *singles]), found
 
 
 def test_springs_that_slip_one_after_the_other_are_found_whole(builders):
