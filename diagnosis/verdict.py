@@ -48,7 +48,7 @@ AS_GOOD = 1e-5  # of a score, by which laws differ for how they are stepped
 BY_EXACT = (
     1e-4  # the same of a second effect: a law that has one form is right to a hundredth of its size at best, ...
 )
-BY_FIRST = 0.01  # ... another to a tenth: of 43 sets of readings, right ones led by 0.02, stand-ins by 0.005
+BY_FIRST = 0.01  # ... another to a tenth: of 59 answers the right ones led by 0.02, stand-ins by 0.005
 LACKING = 0.005  # of the signal's rms, left by the base, common to runs driven alike, that no candidate explains
 GROWING = 0.1  # error over signal, where it grows with it, beyond which the model is not accepted
 NOT_FOLLOWED = 0.25  # the same of any channel, beyond which what was named is no answer either ...

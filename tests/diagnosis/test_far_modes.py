@@ -93,7 +93,7 @@ def sought(builders, stiff):
 
 
 def test_a_neighbour_that_couples_differently_in_each_posture_is_found(builders):
-    """The joint's stiffness and inertia, and the direction of the link, are those of the two bodies; the rest is seen apart less."""
+    """The joint's stiffness and inertia, and where the link lies, are those of the two bodies; the rest is seen apart less."""
     stage, found = sought(builders, STIFF)
     best = min(found, key=lambda h: h.loss)
     theta, (mode,) = best.fit.coordinates.unpack(best.fit.x)
