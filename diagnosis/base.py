@@ -229,8 +229,10 @@ def _not_given_up(
 
 
 def _given_up(objective: Objective, predictions: Predictions) -> tuple[list[Key], Predictions]:
-    """Kinds of channels that the prepared start follows and ``predictions`` do not, and what the start predicts."""
-    left = {key: r for key, r in _by_kind(objective.prepared, predictions).items() if r > GIVEN_UP}
+    """Channels of runs on the brake that the prepared start follows and ``predictions`` do not, and what the start predicts."""
+    braked = {block_key(run, output) for run in objective.prepared for output in run.outputs if run.run.brake}
+    ratios = _by_kind(objective.prepared, predictions)
+    left = {key: ratio for key, ratio in ratios.items() if ratio > GIVEN_UP and key in braked}
     if not left:
         return [], ()
     at_start = objective.predictions(objective.problem.base.start, ())
