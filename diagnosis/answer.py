@@ -40,12 +40,9 @@ if TYPE_CHECKING:
 FORMAT = "jointscope-diagnosis/1"
 PUBLIC = {"load_inertia": "inertia"}  # base parameter -> key of the contract
 REFERENCES = {
-    "stiffness": "stiffness_reference",
-    "load_inertia": "inertia_reference",
-    "damping": "damping_reference",
-    "motor_damping": "motor_damping",
-    "load_damping": "load_damping",
-}
+    "stiffness": "stiffness_reference", "load_inertia": "inertia_reference", "damping": "damping_reference",
+    "motor_damping": "motor_damping", "load_damping": "load_damping",
+}  # fmt: skip
 ROTATIONAL = {
     "stiffness": "N m/rad", "damping": "N m s/rad", "load_inertia": "kg m^2", "motor_inertia": "kg m^2",
     "motor_damping": "N m s/rad", "load_damping": "N m s/rad", "gravity_moment": "N m", "efficiency": "1",

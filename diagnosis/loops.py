@@ -48,7 +48,7 @@ def loops(
     known: Sequence[Hypothesis],
     specs: Sequence[EffectSpec],
 ) -> list[Hypothesis]:
-    """Loops fitted alone; none without hits, or where anything that was fitted leaves little.
+    """A loop fitted alone; none without hits, or where anything that was fitted leaves little.
 
     Args:
         objective: Under whose noise the fits are compared with others.
@@ -56,8 +56,8 @@ def loops(
         known: What was fitted to them.
         specs: The laws that may be named.
     """
-    laws = [spec for spec in specs if name_of(spec) == LOOP and spec.variant == LAW]
-    if not laws or not any(is_hit(run) for run in objective.prepared):
+    law = next((spec for spec in specs if name_of(spec) == LOOP and spec.variant == LAW), None)
+    if law is None or not any(is_hit(run) for run in objective.prepared):
         return []
     best = min([base, *known], key=lambda h: h.loss)
     if worst_misfit(objective.prepared, objective.predictions(*best.fit.coordinates.unpack(best.fit.x))) < MUCH:
@@ -67,14 +67,11 @@ def loops(
     few = [i for i in representative(own.problem, own.runs, HITS, 0) if is_hit(own.problem.runs[i])]
     hits = own.restricted(tuple(own.runs.index(i) for i in few))
     theta, _ = base.fit.coordinates.unpack(base.fit.x)
-    found = []
-    for spec in laws:
-        trials = list(_trials(stage, theta, spec))
-        where = coordinates(objective.problem, (spec,))
-        alone = under_noise_of_its_own(own, noise, where, where.pack(*trials[hits.nearest(trials)]))
-        fit = with_fresh_jacobian(objective, alone)
-        found.append(Hypothesis((spec,), fit, profile_loss(objective, fit.w)))
-    return found
+    trials = list(_trials(stage, theta, law))
+    where = coordinates(objective.problem, (law,))
+    alone = under_noise_of_its_own(own, noise, where, where.pack(*trials[hits.nearest(trials)]))
+    fit = with_fresh_jacobian(objective, alone)
+    return [Hypothesis((law,), fit, profile_loss(objective, fit.w))]
 
 
 def _trials(stage: Stage, theta: Vector, spec: EffectSpec) -> Iterator[tuple[Vector, tuple[ActiveEffect, ...]]]:
