@@ -58,7 +58,8 @@ class Remainder:
     Attributes:
         gain: On the fitted runs, net of Occam [nats].
         held_gain, foretold: On the held-out runs, found and due if true [nats].
-        material: RMS of what is explained over the signal's [-]; over the noise's, there, where it is ``place``.
+        material: RMS of what is explained, which is no more than is left, over the signal's [-]; over the noise's, there,
+            where it is ``place``.
         echo: The same of what the white noise of a torque log makes the model do; 0 where no log drives it.
         dispersion: By how much the gains were divided, since the model leaves that many times what noise is [-].
         order: Periods per turn of the joint output, where it is what repeats with the turn and not what follows the input.
@@ -108,6 +109,7 @@ class _Rows:
         columns: Regressors of its outputs of that kind, whitened, the run's other outputs silent, shape (n, k).
         raw: The same as they are at the scored samples, shape (n_scored, k).
         signal: Squared signal over these samples [the output's unit squared].
+        left: The same of what the model leaves: where a whitener hardly looks, columns may stand for more than that.
         recorded: As ``w``, of the recording itself.
         driven: Whether a torque's log drives all of them.
     """
@@ -116,13 +118,15 @@ class _Rows:
     columns: NDArray[np.float64]
     raw: NDArray[np.float64]
     signal: float
+    left: float
     recorded: Vector
     driven: bool
 
 
 def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
     predictions = judged.predictions_held if held else judged.predictions
-    w, columns, raw, signal, recorded, driven = [], [], [], 0.0, [], True
+    w, columns, raw, recorded, driven = [], [], [], [], True
+    signal = left = 0.0
     for i, (run, predicted) in enumerate(zip(objective.prepared, predictions, strict=True)):
         arrays, hold_it = [], False
         for output, y in zip(run.outputs, predicted, strict=True):
@@ -133,6 +137,7 @@ def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
             arrays.append(x)
             raw.append(x[output.mask])
             signal += dynamic_level(output) ** 2 * int(output.mask.sum())
+            left += float(np.sum(np.square((output.data - y)[output.mask])))
         if hold_it:
             w.append(objective.whiten_run(i, predicted))
             columns.append(objective.whiteners[i](arrays))
@@ -140,9 +145,9 @@ def _rows(objective: Objective, judged: Judged, key: Key, held: bool) -> _Rows:
             driven &= run.motor is not None and run.load is None
     if not w:
         nothing = np.zeros((0, N_REGRESSORS))
-        return _Rows(np.zeros(0), nothing, nothing, 0.0, np.zeros(0), False)
+        return _Rows(np.zeros(0), nothing, nothing, 0.0, 0.0, np.zeros(0), False)
     parts = np.concatenate(w), np.concatenate(columns), np.concatenate(raw)
-    return _Rows(*parts, signal, np.concatenate(recorded), driven)
+    return _Rows(*parts, signal, left, np.concatenate(recorded), driven)
 
 
 def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
@@ -172,7 +177,8 @@ def remainders(judgement: Judgement, judged: Judged) -> tuple[Remainder, ...]:
         change = kept.columns[:, alive] @ step
         held_gain = 0.5 * float(kept.w @ kept.w - (kept.w - change) @ (kept.w - change)) / dispersion
         explained = fitted.raw[:, alive] @ step
-        material = math.sqrt(float(explained @ explained) / fitted.signal) if fitted.signal > 0.0 else 0.0
+        energy = min(float(explained @ explained), fitted.left)
+        material = math.sqrt(energy / fitted.signal) if fitted.signal > 0.0 else 0.0
         foretold = 0.5 * float(change @ change) / dispersion
         echo = _echo(judgement, key, fitted.signal + kept.signal)
         own = np.any(fitted.columns != 0.0, axis=1)

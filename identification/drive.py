@@ -19,6 +19,13 @@ from scipy import optimize, signal
 from scipy.linalg import block_diag
 
 from jointscope.errors import RefusedError
+from jointscope.identification.drive_instruments import (
+    Explaining,
+    as_recorded,
+    by_command,
+    instruments,
+    law_columns,
+)
 from jointscope.identification.drive_law import LAW_TERMS, Drive
 from jointscope.identification.drive_takes import (
     LAW_BAND,
@@ -36,6 +43,9 @@ from jointscope.recordings.campaign import Campaign
 Real = NDArray[np.float64]
 
 _NEGLIGIBLE = 1e-8  # of the torque variance: what the interpolation itself leaves over
+CLEAN_BAND = 15.0  # Hz, in which the command alone is asked: motions end below it
+ACCOUNTS = 0.05  # of the torque's rms that a law may leave, below which it is the drive
+BENT = 0.03  # of K_p, beyond which noise of the speed is what bends it
 
 
 def identify_drive(campaign: Campaign, joint: Joint | None = None, *, gravity_moment: float = 0.0) -> Drive | None:
@@ -58,7 +68,7 @@ def identify_drive(campaign: Campaign, joint: Joint | None = None, *, gravity_mo
     ]
     measured = [take for take in takes if take.speed is not None]
     if measured:
-        drive = _regressed(_credible(measured))
+        drive = _unbent(_credible(measured))
     elif takes and joint is not None:
         drive = _through_the_joint(takes, joint, gravity_moment, campaign)
     else:
@@ -66,19 +76,36 @@ def identify_drive(campaign: Campaign, joint: Joint | None = None, *, gravity_mo
     return drive if drive.explained > 0.5 and drive.proportional > 0.0 and drive.integral >= 0.0 else None
 
 
-def _regressed(takes: Sequence[Take]) -> Drive:
-    """Least squares of the filtered torque on the filtered law; feed-forward terms only where they are needed."""
-    blocks, targets, holds = [], [], []
+def _unbent(takes: Sequence[Take]) -> Drive:
+    """The law, by what the command makes of the speed where the speed's noise bends it.
+
+    Noise of the speed stands on the side of what explains: it takes K_p down, and the feed-forward in its place. What follows
+    from the command alone knows nothing of it.
+    """
+    plain = _regressed(takes)
+    if plain.lacking < ACCOUNTS:
+        return plain
+    clean = _regressed(takes, CLEAN_BAND, by_command)
+    bent = abs(clean.proportional - plain.proportional) > BENT * abs(clean.proportional)
+    return clean if bent and clean.proportional > 0.0 and clean.integral >= 0.0 else plain
+
+
+def _regressed(takes: Sequence[Take], band: float = LAW_BAND, explaining: Explaining = as_recorded) -> Drive:
+    """Least squares of the torque on the law, both below ``band`` [Hz]; feed-forward terms only where they are needed.
+
+    Args:
+        explaining: What of the law's columns the torque is regressed on.
+    """
+    blocks, targets, holds, means = [], [], [], []
     for take in takes:
-        assert take.speed is not None
         rate = (take.times.size - 1) / (take.times[-1] - take.times[0])
-        e = take.command - take.speed
-        integral = np.concatenate([[0.0], np.cumsum(0.5 * (e[1:] + e[:-1]))]) / rate
-        columns = _low_passed(np.column_stack([e, integral, take.command_rate, take.command]), rate)
-        torque = _low_passed(take.torque[:, None], rate)[:, 0]
+        columns = _low_passed(law_columns(take), rate, band)
+        torque = _low_passed(take.torque[:, None], rate, band)[:, 0]
+        known = _low_passed(instruments(take), rate, band)
         for piece in _unsaturated(take, rate):
             blocks.append(columns[piece])
             targets.append(torque[piece])
+            means.append(known[piece])
             holds.append(piece.size)
     if not blocks:
         raise RefusedError(
@@ -86,13 +113,16 @@ def _regressed(takes: Sequence[Take]) -> Drive:
         )
     held = block_diag(*[np.ones((size, 1)) for size in holds])
     A, T = np.column_stack([np.concatenate(blocks), held]), np.concatenate(targets)
-    values, errors, residual = _chosen_terms(A, T)
+    values, errors, residual = _chosen_terms(explaining(A, np.column_stack([np.concatenate(means), held])), T)
+    left = T - A[:, : len(values)] @ np.array(values)
+    left = left - held @ np.linalg.lstsq(held, left, rcond=None)[0]
+    residual = min(residual, math.sqrt(float(np.mean(np.square(left))) + _NEGLIGIBLE * float(np.var(T))))
     return Drive(
         **dict(zip(LAW_TERMS, values, strict=True)),
         torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
         standard_errors=errors,
         residual=residual,
-        log_noise=log_noise(takes),
+        log_noise=log_noise(takes, band),
         explained=1.0 - residual**2 / max(float(np.var(T)), 1e-300),
         runs=tuple(take.run for take in takes),
     )
@@ -139,10 +169,10 @@ def _chosen_terms(A: Real, T: Real) -> tuple[tuple[float, ...], tuple[float, flo
     return tuple(values.tolist()), (a, b, c, d), residual
 
 
-def _low_passed(columns: Real, rate: float) -> Real:
-    if rate <= 2.5 * LAW_BAND:
+def _low_passed(columns: Real, rate: float, band: float) -> Real:
+    if rate <= 2.5 * band:
         return columns
-    return np.asarray(signal.sosfiltfilt(signal.butter(4, LAW_BAND, fs=rate, output="sos"), columns, axis=0))
+    return np.asarray(signal.sosfiltfilt(signal.butter(4, band, fs=rate, output="sos"), columns, axis=0))
 
 
 def _unsaturated(take: Take, rate: float) -> list[NDArray[np.intp]]:

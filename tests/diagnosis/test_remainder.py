@@ -67,6 +67,24 @@ def test_two_channels_of_one_kind_are_one_run(problem, recorded):
         assert any(r.stands for r in remainders(judgement, judgement.base))
 
 
+def test_no_more_is_explained_than_is_left(problem, recorded, monkeypatch):
+    """Columns that a whitener hardly looks at may stand for more than all that is left, but then they are not in it."""
+    own = recorded(problem, 0.02, 0.1, seed=3)
+    with ThreadPoolExecutor(1) as pool:
+        split = split_runs(own)
+        judgement = judge(refit_base(own, predict_outputs, split.estimate, pool), (), split.held_out)
+    seen = remainders(judgement, judgement.base)
+
+    def unlike(*args):
+        rows = _rows(*args)
+        return replace(rows, raw=50.0 * rows.raw)
+
+    monkeypatch.setattr("jointscope.diagnosis.remainder._rows", unlike)
+    for as_seen, blind in zip(seen, remainders(judgement, judgement.base), strict=True):
+        rows = _rows(judgement.objective, judgement.base, blind.key, False)
+        assert as_seen.material < blind.material == pytest.approx((rows.left / rows.signal) ** 0.5)
+
+
 @pytest.mark.parametrize(
     ("left", "gain", "held_gain", "dispersion", "score", "verdict"),
     [

@@ -26,7 +26,17 @@ def command(t, top=246.0):
 
 
 def closed_loop_run(
-    bench, rng, *, noise=0.0, limit=math.inf, channels=("angle",), friction=0.0, J_f=0.0, id="m1", top=246.0
+    bench,
+    rng,
+    *,
+    noise=0.0,
+    angle_noise=0.0,
+    limit=math.inf,
+    channels=("angle",),
+    friction=0.0,
+    J_f=0.0,
+    id="m1",
+    top=246.0,
 ):
     """A speed motion of the paper's rig, logged at 500 Hz, with an optional drag the base model lacks."""
     model = bench.model()
@@ -47,7 +57,7 @@ def closed_loop_run(
         "angle": (
             "angle",
             "motor",
-            141.0 * motion.motor_angle[every] + noise * 1e-3 * rng.standard_normal(T.size),
+            141.0 * motion.motor_angle[every] + (noise * 1e-3 + angle_noise) * rng.standard_normal(T.size),
         ),
         "arm": ("angle", "arm", motion.angle[every]),
         "speed": ("angular-velocity", "motor", 141.0 * motion.motor_speed[every]),
@@ -152,3 +162,12 @@ def test_the_loop_answers_as_a_simulation_of_it_does(first):
     simulated = signal.lsim((numerator, closed), u, np.arange(u.size) / 1000.0)[1]
     found = _response(numerator, closed, u, 1e-3)
     np.testing.assert_allclose(found, simulated, atol=1e-7 * np.max(np.abs(simulated)))
+
+
+@pytest.mark.parametrize("angle_noise", [0.03, 0.1, 0.3])
+def test_a_noisy_angle_does_not_bend_the_law(bench, rng, angle_noise):
+    """A tenth of a radian of noise per sample makes more speed than the loop's own error: K_p was a tenth of itself."""
+    run, _ = closed_loop_run(bench, rng, noise=1.0, angle_noise=angle_noise)
+    drive = identify_drive(bench.campaign(run))
+    assert drive.proportional == pytest.approx(K_P, rel=0.1)
+    assert drive.integral == pytest.approx(K_I, rel=0.05)
