@@ -80,14 +80,17 @@ def _unbent(takes: Sequence[Take]) -> Drive:
     """The law, by what the command makes of the speed where the speed's noise bends it.
 
     Noise of the speed stands on the side of what explains: it takes K_p down, and the feed-forward in its place. What follows
-    from the command alone knows nothing of it.
+    from the command alone knows nothing of it. What the law leaves is still said of the wide band.
     """
     plain = _regressed(takes)
     if plain.lacking < ACCOUNTS:
         return plain
     clean = _regressed(takes, CLEAN_BAND, by_command)
     bent = abs(clean.proportional - plain.proportional) > BENT * abs(clean.proportional)
-    return clean if bent and clean.proportional > 0.0 and clean.integral >= 0.0 else plain
+    if not bent or clean.proportional <= 0.0 or clean.integral < 0.0:
+        return plain
+    terms = {name: getattr(clean, name) for name in LAW_TERMS}
+    return replace(plain, **terms, standard_errors=clean.standard_errors)
 
 
 def _regressed(takes: Sequence[Take], band: float = LAW_BAND, explaining: Explaining = as_recorded) -> Drive:
@@ -114,9 +117,6 @@ def _regressed(takes: Sequence[Take], band: float = LAW_BAND, explaining: Explai
     held = block_diag(*[np.ones((size, 1)) for size in holds])
     A, T = np.column_stack([np.concatenate(blocks), held]), np.concatenate(targets)
     values, errors, residual = _chosen_terms(explaining(A, np.column_stack([np.concatenate(means), held])), T)
-    left = T - A[:, : len(values)] @ np.array(values)
-    left = left - held @ np.linalg.lstsq(held, left, rcond=None)[0]
-    residual = min(residual, math.sqrt(float(np.mean(np.square(left))) + _NEGLIGIBLE * float(np.var(T))))
     return Drive(
         **dict(zip(LAW_TERMS, values, strict=True)),
         torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
