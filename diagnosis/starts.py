@@ -41,7 +41,7 @@ from jointscope.diagnosis.rigid import rigid_start
 from jointscope.diagnosis.sizes import typical_sizes, unit_scales
 from jointscope.diagnosis.unscaled import in_si, quick, unit_missing, unscaled, without_unscaled
 from jointscope.diagnosis.wind_up import with_wind_up
-from jointscope.identification.drive import identify_drive
+from jointscope.identification.drive import ACCOUNTS, identify_drive
 from jointscope.models.parameters import Joint, ParameterError
 from jointscope.recordings.bandlimited import bandlimited
 from jointscope.recordings.campaign import gearing
@@ -55,8 +55,6 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 Kind = tuple[object, ...]  # of channel
-
-TRUSTED = 0.05  # of the torque's rms that a drive's law may leave, below which it is the drive
 
 
 def finished(campaign: Campaign, runs: tuple[PreparedRun, ...], law: DriveLaw | None = None) -> Problem:
@@ -275,7 +273,7 @@ def _with_drive(base: BaseSpec, runs: tuple[PreparedRun, ...], drive: Drive | No
         "drive_acceleration": drive.acceleration_feedforward * n * n,
         "drive_velocity": drive.velocity_feedforward * n * n,
         "drive_limit": 0.0 if drive.torque_limit is None else drive.torque_limit * n,
-        "drive_trust": 1.0 if drive.lacking < TRUSTED else 0.0,
+        "drive_trust": 1.0 if drive.lacking < ACCOUNTS else 0.0,
     }
     for name, value in law.items():
         start[BASE_INDEX[name]] = value

@@ -24,6 +24,7 @@ from jointscope.identification.drive_instruments import (
     as_recorded,
     by_command,
     instruments,
+    integral,
     law_columns,
 )
 from jointscope.identification.drive_law import LAW_TERMS, Drive
@@ -101,7 +102,7 @@ def _regressed(takes: Sequence[Take], band: float = LAW_BAND, explaining: Explai
     """
     blocks, targets, holds, means = [], [], [], []
     for take in takes:
-        rate = (take.times.size - 1) / (take.times[-1] - take.times[0])
+        rate = take.rate
         columns = _low_passed(law_columns(take), rate, band)
         torque = _low_passed(take.torque[:, None], rate, band)[:, 0]
         known = _low_passed(instruments(take), rate, band)
@@ -122,7 +123,7 @@ def _regressed(takes: Sequence[Take], band: float = LAW_BAND, explaining: Explai
         torque_limit=max((take.plateau for take in takes if take.plateau is not None), default=None),
         standard_errors=errors,
         residual=residual,
-        log_noise=log_noise(takes, band),
+        log_noise=log_noise(takes),
         explained=1.0 - residual**2 / max(float(np.var(T)), 1e-300),
         runs=tuple(take.run for take in takes),
     )
@@ -232,8 +233,8 @@ def _loop_torque(
     law = np.array([K_p, K_i])
     motor = eta * n**2 * np.array([J_L, b_l + c, K])  # n w_s per T_e, times D
     closed = np.polyadd(D, np.polymul(law, motor))
-    dt = (take.times[-1] - take.times[0]) / (take.times.size - 1)
-    path = arm_angle + np.concatenate([[0.0], np.cumsum(0.5 * (take.command[1:] + take.command[:-1]))]) * dt / n
+    dt = 1.0 / take.rate
+    path = arm_angle + integral(take.command, take.rate) / n
     pull = -gravity_moment * (np.cos(path) - math.cos(arm_angle))
     torque = _response(np.polymul(law, denominator(joint)), closed, take.command, dt)
     if gravity_moment:

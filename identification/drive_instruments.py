@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from jointscope.identification.drive_takes import Take
 
@@ -24,15 +25,14 @@ def law_columns(take: Take) -> Real:
     """e, its integral, the command's rate and the command, shape (n, 4) [rad/s, rad, rad/s^2, rad/s of the motor]."""
     assert take.speed is not None
     e = take.command - take.speed
-    return np.column_stack([e, _integral(e, _rate(take)), take.command_rate, take.command])
+    return np.column_stack([e, integral(e, take.rate), take.command_rate, take.command])
 
 
 def instruments(take: Take) -> Real:
     """The command, itself later, what it has travelled since, its rate, and its path with a square, shape (n, k)."""
-    rate = _rate(take)
-    late = [_delayed(take.command, lag * rate) for lag in LATER]
-    path = _integral(take.command, rate)
-    travelled = [_integral(take.command - c, rate) for c in late]
+    late = [_delayed(take.command, lag * take.rate) for lag in LATER]
+    path = integral(take.command, take.rate)
+    travelled = [integral(take.command - c, take.rate) for c in late]
     return np.column_stack([take.command, take.command_rate, *late, *travelled, path, np.square(path)])
 
 
@@ -48,12 +48,9 @@ def by_command(columns: Real, known: Real) -> Real:
     return np.asarray(used @ np.linalg.lstsq(used, columns, rcond=1e-12)[0])
 
 
-def _rate(take: Take) -> float:
-    return float((take.times.size - 1) / (take.times[-1] - take.times[0]))
-
-
-def _integral(x: Real, rate: float) -> Real:
-    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))]) / rate
+def integral(x: Real, rate: float) -> Real:
+    """From the first sample on, by the trapezium rule, shape of ``x``."""
+    return np.asarray(cumulative_trapezoid(x, dx=1.0 / rate, initial=0.0))
 
 
 def _delayed(x: Real, samples: float) -> Real:

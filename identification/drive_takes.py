@@ -34,6 +34,11 @@ class Take:
     plateau: float | None  # level that looks like a torque limit [N m]
 
     @property
+    def rate(self) -> float:
+        """Of the torque's log [Hz]."""
+        return float((self.times.size - 1) / (self.times[-1] - self.times[0]))
+
+    @property
     def saturated(self) -> NDArray[np.bool_]:
         """Where the torque stands on its plateau, shape (n,)."""
         if self.plateau is None:
@@ -131,15 +136,17 @@ def inner(times: Real) -> NDArray[np.bool_]:
     return inner
 
 
-def log_noise(takes: Sequence[Take], band: float = LAW_BAND) -> float:
-    """RMS below ``band`` [Hz] of noise as white as the logs are near half their rate (median of their spectra there) [N m]."""
+def log_noise(takes: Sequence[Take]) -> float:
+    """RMS below 60 Hz of noise as white as the logs are near half their rate (median of their spectra there) [N m]."""
     powers = []
     for take in takes:
-        rate = (take.times.size - 1) / (take.times[-1] - take.times[0])
+        rate = take.rate
         frequency, density = signal.welch(take.torque, rate, nperseg=min(256, take.times.size), detrend="linear")
         # an anti-alias filter empties the top of the band, the drive's own content fills the bottom
         quiet = (frequency > 0.3 * rate) & (frequency < 0.4 * rate)
-        powers.append(float(np.median(density[quiet])) / 0.7 * min(band, 0.5 * rate))  # median of chi^2_2 is 0.7
+        powers.append(
+            float(np.median(density[quiet])) / 0.7 * min(LAW_BAND, 0.5 * rate)
+        )  # median of chi^2_2 is 0.7
     return math.sqrt(float(np.mean(powers)))
 
 

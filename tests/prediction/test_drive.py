@@ -164,10 +164,11 @@ def test_the_loop_answers_as_a_simulation_of_it_does(first):
     np.testing.assert_allclose(found, simulated, atol=1e-7 * np.max(np.abs(simulated)))
 
 
+@pytest.mark.parametrize("friction", [0.0, 40.0])
 @pytest.mark.parametrize("angle_noise", [0.03, 0.1, 0.3])
-def test_a_noisy_angle_does_not_bend_the_law(bench, rng, angle_noise):
-    """A tenth of a radian of noise per sample makes more speed than the loop's own error: K_p was a tenth of itself."""
-    run, _ = closed_loop_run(bench, rng, noise=1.0, angle_noise=angle_noise)
+def test_a_noisy_angle_does_not_bend_the_law(bench, rng, angle_noise, friction):
+    """A tenth of a radian of noise per sample makes more speed than the loop's own error: K_p was a fiftieth of itself."""
+    run, _ = closed_loop_run(bench, rng, noise=1.0, angle_noise=angle_noise, friction=friction)
     drive = identify_drive(bench.campaign(run))
     assert drive.proportional == pytest.approx(K_P, rel=0.1)
     assert drive.integral == pytest.approx(K_I, rel=0.05)
