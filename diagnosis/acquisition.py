@@ -86,7 +86,11 @@ def driven_torque(assembly: Assembly) -> Vector:
     if offset != 0.0:
         torque = torque + offset
     driven = torque if factor == 1.0 else torque * factor
-    return driven - cold_drag(assembly) if chain.thinning[0] != 0.0 and run.observed is not None else driven
+    if run.observed is None:
+        return driven
+    if chain.thinning[0] != 0.0:
+        driven = driven - cold_drag(assembly)
+    return driven - relaxing_pull(assembly) if chain.relaxing[0] != 0.0 else driven
 
 
 def cold_drag(assembly: Assembly) -> Vector:
@@ -104,6 +108,18 @@ def cold_drag(assembly: Assembly) -> Vector:
     reference = max(0.5 * assembly.problem.scales.motor_speed, 1e-12)
     worked = np.cumsum(np.square(v / reference)) * step
     return np.asarray(coefficient * np.exp(-worked / time_constant) * v)
+
+
+def relaxing_pull(assembly: Assembly) -> Vector:
+    """k (q - z), t z' = q - z at half steps [N m]: a spring that lets go by and by, slack where a run begins, shape (2 n + 1,).
+
+    q is the observed angle, or the observed speed's integral.
+    """
+    run, (stiffness, time_constant) = assembly.run, assembly.chain.relaxing
+    rate = 2.0 * run.grid_rate
+    assert run.observed is not None
+    q = np.cumsum(run.observed_half) / rate if run.observed.rate_signal else run.observed_half
+    return np.asarray(stiffness * (q - lagged(q, time_constant, rate)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -95,6 +95,7 @@ class Chain:
         heat: Share by which the torque constant has fallen in the end where the torque stays at half its largest [-], and the
             time constant of that [s].
         thinning: What cold grease drags more [N m s/rad], and the time after which a third of it is left [s].
+        relaxing: Stiffness of a spring to ground that lets go by and by [N m/rad], and its time constant [s].
         lags: Time constants of the stages through which the torque follows the logged one [s].
         loop: Time constant of a current loop of the second order [s], 0 without.
         loop_damping: Its damping ratio [-], that of the magnitude optimum where no law says otherwise.
@@ -116,6 +117,7 @@ class Chain:
     torque_gain: float = 1.0
     heat: tuple[float, float] = (0.0, 1.0)
     thinning: tuple[float, float] = (0.0, 1.0)
+    relaxing: tuple[float, float] = (0.0, 1.0)
     lags: tuple[float, ...] = ()
     loop: float = 0.0
     loop_damping: float = math.sqrt(0.5)

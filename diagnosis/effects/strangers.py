@@ -6,6 +6,7 @@ r"""Physics that the diagnosis contract's table does not hold, and that one of i
     tau = eta n T_e (1 - s h), t h' = (T_e/T_0)^2 - h     a torque constant that falls as the motor warms within a run
     tau - c exp(-E/t) q_s', E' = (q_s'/v_0)^2             grease that thins as it is worked, cold where a run begins
     -k d (1 - a + a d^2/w^2) on the arm, d = q - q_0              hoses and cables beside the joint, straight between nine nodes
+    -k d - r k (d - z), t z' = d - z                      the same where they creep, z = d where a run begins
 
 They compete as single effects only; where one of them leads, the answer is ``unknown``, and says what it resembles. They
 have no counterpart in the MuJoCo model.
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 WARMING = (1.0, 4.0)  # s, time constants that are tried
 THINS = (0.5, 3.0)  # s at half the largest speed, after which a third is left of what cold grease drags more
 _HITS = ("hammer", "torque-sweep")
+CREEPS = (0.2, 1.0)  # s in which hoses and cables let go of what they pull when turned
 POSTURES = 4  # of the arm, in which a stiffness that varies with its angle is told from two of its numbers
 TURNS = (1.0, 2.0, 3.0, 4.0)  # periods in a turn, where no leading effect says how many
 
@@ -103,6 +105,12 @@ def _dressed(assembly: Assembly, values: Values, weight: float) -> None:
     S[kernel.TABLE_SITE], S[kernel.TABLE_OF] = kernel.AT_LOAD, kernel.OF_ANGLE
 
 
+def _creeping(assembly: Assembly, values: Values, weight: float) -> None:
+    stiffness, ratio, time_constant, rest = values
+    _dressed(assembly, (stiffness, 0.0, rest), weight)
+    assembly.chain.relaxing = ratio * stiffness, time_constant
+
+
 def _half_travel(problem: Problem) -> float:
     return max(0.5 * (problem.scales.angle_high - problem.scales.angle_low), 1e-9)
 
@@ -117,8 +125,17 @@ def _at_rest(problem: Problem) -> tuple[tuple[float, float], ...]:
     return tuple((taut, angle) for angle in (starts[0], starts[-1])[: len(starts)] for taut in (0.0, 0.8))
 
 
+def _creeps_from(problem: Problem) -> tuple[tuple[float, float, float], ...]:
+    angles = sorted({angle for _, angle in _at_rest(problem)})
+    return tuple((1.0, time_constant, angle) for angle in angles for time_constant in CREEPS)
+
+
 def _needs_driven_travel(problem: Problem) -> str | None:
     return needs_travel(problem) or needs_motor_torque(problem)
+
+
+def _needs_crept_travel(problem: Problem) -> str | None:
+    return _needs_driven_travel(problem) or _needs_followed_motions(problem)
 
 
 def _needs_runs_of_torque(problem: Problem) -> str | None:
@@ -242,6 +259,25 @@ SPECS: tuple[EffectSpec, ...] = (
         scale=_dress_sizes,
         starts=_at_rest,
         possible=_needs_driven_travel,
+    ),
+    EffectSpec(
+        name="dress-pack",
+        location="load",
+        variant="creeping",
+        family="external",
+        parameters=(
+            ParameterSpec("stiffness", "N m/rad", -1e12, 1e12, null=0.0),
+            ParameterSpec("relaxing", "1", 0.0, 20.0),
+            ParameterSpec("time_constant", "s", 0.02, 50.0, log=True),
+            ParameterSpec("rest", "rad", -20.0, 20.0),
+        ),
+        law="hoses or cables that pull the arm to where they hang free and creep, k d + r k (d - z), t z' = d - z",
+        revealed_by=("speed-motion",),
+        look_alikes=("gravity", "end-stop", "hysteresis", "stribeck-friction"),
+        apply=_creeping,
+        scale=_dress_sizes,
+        starts=_creeps_from,
+        possible=_needs_crept_travel,
     ),
     EffectSpec(
         name="brake-slip",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jointscope.diagnosis import kernel as k
-from jointscope.diagnosis.acquisition import cold_drag, heated
+from jointscope.diagnosis.acquisition import cold_drag, heated, relaxing_pull
 from jointscope.diagnosis.effects import REGISTRY, STRANGERS, ActiveEffect, at_rig
 from jointscope.diagnosis.predict import predict_outputs
 
@@ -83,3 +83,15 @@ def test_a_dress_pack_pulls_by_a_spring_and_its_cube():
     )
     assert found[k.N_NODES // 2] == pytest.approx(0.0, abs=1e-12)
     assert found[::-1] == pytest.approx(-found)
+
+
+@pytest.mark.parametrize("speed", [True, False])
+def test_a_spring_that_lets_go_pulls_no_more_than_a_damper_does(speed):
+    """Turned at a constant speed v by k v T (1 - exp(-t/T)), T its time constant; read from an angle as from a speed."""
+    rate, v, stiffness, T = 500.0, -0.8, 40.0, 0.5
+    t = np.arange(2001) / (2.0 * rate)
+    observed = np.full(t.size, v) if speed else 0.3 + v * t
+    run = SimpleNamespace(grid_rate=rate, observed_half=observed, observed=SimpleNamespace(rate_signal=speed))
+    pull = relaxing_pull(SimpleNamespace(run=run, chain=SimpleNamespace(relaxing=(stiffness, T))))
+    expected = stiffness * v * T * (1.0 - np.exp(-t / T))
+    assert np.max(np.abs(pull - expected)) < 3e-3 * abs(expected[-1])
