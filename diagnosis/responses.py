@@ -214,16 +214,22 @@ def passive_polarities(measured: tuple[Response, ...]) -> dict[tuple[object, ...
     """-1 for each kind of channel beside a hammer or shaker whose mobility would give out energy, else +1.
 
     Where the force acts, Re(velocity per force) >= 0 for whatever passive machine stands behind it: no model is needed.
-    A motor's torque is excluded: under a drive's feedback, weight and friction correlate with it.
+    A motor's torque is excluded: under a drive's feedback, weight and friction correlate with it. So are the further modes
+    of an arm that bends: beyond a hinge, what is hit within it answers the other way round.
     """
     found: dict[tuple[object, ...], float] = {}
-    for response in measured:
+    for response in map(_as_a_whole, measured):
         if response.at_motor or response.by_motor or not response.phased:
             continue
         mobility = response.weight * response.H / (2j * np.pi * response.f)
         share = float(np.sum(np.real(mobility)) / (np.sum(np.abs(mobility)) + 1e-300))
         found[response.key] = found.get(response.key, 0.0) + share
     return {key: -1.0 if share < -_ACTIVE else 1.0 for key, share in found.items()}
+
+
+def _as_a_whole(response: Response) -> Response:
+    """The response below a further mode that is louder, where there is one: there an arm moves as a whole."""
+    return next(iter(first_modes((response,))), response)
 
 
 def work_done(runs: tuple[PreparedRun, ...], key: tuple[object, ...]) -> float:
@@ -252,7 +258,7 @@ def polarities(theta: Vector, measured: tuple[Response, ...]) -> dict[tuple[obje
     """-1 for each kind of channel whose phase plainly contradicts the base's, else +1."""
     named = dict(zip(BASE_NAMES, (float(v) for v in theta), strict=True))
     found: dict[tuple[object, ...], float] = {}
-    for response in measured:
+    for response in map(_as_a_whole, measured):
         if not response.phased:
             continue
         agreement = _agreement(response, model_response(named, response))

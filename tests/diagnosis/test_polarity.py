@@ -15,7 +15,7 @@ from jointscope.diagnosis.no_worse import borne
 from jointscope.diagnosis.objective import DIVERGED
 from jointscope.diagnosis.predict import free_prediction, predict_outputs
 from jointscope.diagnosis.prepare import prepare
-from jointscope.diagnosis.responses import channel_key, work_done
+from jointscope.diagnosis.responses import Response, channel_key, passive_polarities, polarities, work_done
 from jointscope.diagnosis.search import Hypothesis
 from jointscope.diagnosis.split import split_runs
 from jointscope.recordings.campaign import Nameplate, Run, Stream
@@ -179,3 +179,20 @@ def test_what_a_drive_does_work_on_is_not_upside_down(builders, turned):
     net, gross = np.pi * np.sin(lag), 2.0 * np.cos(lag) + 2.0 * lag * np.sin(lag)  # over a period
     assert work_done(problem.runs, key) == pytest.approx(net / gross, rel=0.1)  # the start is not compared
     assert work_done(prepare(turned(held, "load")).runs, key) == pytest.approx(net / gross, rel=0.1)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_hit_within_a_hinge_is_read_beyond_it_the_right_way_up(sign, problem):
+    """The outer part of an arm answers its bend the other way round, and louder: below it the arm moves as a whole."""
+    M, K = np.array([[6.6, 0.555], [0.555, 0.35]]), np.diag([183e3, 149e3])  # joint and hinge
+    C = np.diag([60.0, 5.7])
+    f = np.arange(3.0, 300.0, 1.0)
+    s = 2j * np.pi * f[:, None, None]
+    moved = np.linalg.solve(s**2 * M + s * C + K, np.array([1.0, 0.0])[:, None])[..., 0]
+    H = sign * s[:, 0, 0] ** 2 * (moved[:, 0] + 0.5 / 0.8 * moved[:, 1])
+    response = Response(f, H, np.ones(f.size), False, False, False, True, ("acceleration",))
+    assert passive_polarities((response,)) == {("acceleration",): sign}
+    theta = np.array(problem.base.start)
+    for name, value in (("stiffness", 183e3), ("load_inertia", 6.6), ("damping", 60.0)):
+        theta[BASE_INDEX[name]] = value
+    assert polarities(theta, (response,)) == {("acceleration",): sign}
