@@ -7,7 +7,12 @@ import math
 from jointscope.diagnosis.adjudicate import Judged, Judgement, compare
 from jointscope.diagnosis.effects.postures import APART
 from jointscope.diagnosis.search import CONTAINED
+from jointscope.diagnosis.uncoupling import is_mount
 
+TURNING = (
+    "base-compliance",
+    "link-flexibility",
+)  # a bend that hammer and sensor follow as a mount holds the mount
 MOUNTS = ("base-compliance", "neighbour-flexibility")
 WIDER = (*CONTAINED, MOUNTS)  # law, and one that contains it
 NOT_EXCLUDED = 6.0  # nats that a law which contains another may be behind it, its own numbers in range
@@ -28,6 +33,8 @@ def contains(outer: Judged, inner: Judged) -> bool:
     if exchanged is None:
         return False
     laws, (at, place) = exchanged
+    if laws == TURNING:
+        return is_mount(outer.hypothesis)
     carries = any(spec.variant.startswith("carrier") for spec in outer.hypothesis.specs)
     return laws in WIDER and (place == at or (laws[1] == "neighbour-flexibility" and carries))
 

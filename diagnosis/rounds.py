@@ -21,6 +21,7 @@ from jointscope.diagnosis.bent_loop import bent_loop
 from jointscope.diagnosis.briefly import briefly
 from jointscope.diagnosis.by_posture import by_posture
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.carriers import carriers
 from jointscope.diagnosis.eased import eased
 from jointscope.diagnosis.effects.coupled import PLAIN
 from jointscope.diagnosis.energies import error_energies, improvement
@@ -318,6 +319,7 @@ def explore(
     singles.extend(resonances(first.objective, first.base.fit, candidates))
     singles.extend(far_modes(stage, first.objective, first.base.fit, candidates))
     singles.extend(modes_apart(first.objective, first.base.fit, candidates, problem, left, effort))
+    singles.extend(carriers(stage, first.objective, laws))
     bends = any(spec.variant == PLAIN.variant for spec in specs)
     if bends:
         singles.extend(bends_beside(first.objective, first.base, effort))
@@ -383,5 +385,8 @@ def explore(
         report(f"fitting sets of {size}")
         pairs = extensions(arena.objective, arena.base.fit, arena.hypotheses[0], laws, screening, effort)
     arena = _uncoupled(arena)
+    if not arena.hypotheses[0].sensible:  # no such friction falls: the simpler one is what it stands for
+        inner = contained(arena.objective, arena.base.fit, arena.hypotheses[0], candidates, _losses(arena), effort)
+        arena = settled(arena, inner, effort) if inner else arena
     arena = _with_strangers(arena, (arena, first), outside, effort, more)
     return screening, tuple(worth_judging([arena.base, *arena.hypotheses])[1:])

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 ONWARD = (12, 80)  # steps and simulations from where the coupled law ended
 LEADING = 4  # sets of which a bend is fitted as a mount too
 ASIDE = (0.6, 1.6)  # of the share that hammer and sensor follow of an outer part's motion where it is a mount's
+AS_ASIDE = (0.97, 1.03)  # the same where the two are one: both shares are 1 there, and a bend's are anything
 MOUNT = next(spec for spec in MODES if spec.variant == "turning-mount")
 
 
@@ -72,14 +73,21 @@ def as_mounts(objective: Objective, hypotheses: Sequence[Hypothesis]) -> list[Hy
     return found
 
 
-def _as_mount(bend: ActiveEffect, inertia: float) -> Values | None:
+def is_mount(hypothesis: Hypothesis) -> bool:
+    """Whether hammer and sensor follow a bend of the hypothesis as they would a mount that turns, as near as can be told."""
+    theta, effects = hypothesis.fit.coordinates.unpack(hypothesis.fit.x)
+    inertia = float(theta[BASE_INDEX["load_inertia"]])
+    return any(_as_mount(effect, inertia, AS_ASIDE) is not None for effect in effects)
+
+
+def _as_mount(bend: ActiveEffect, inertia: float, near: tuple[float, float] = ASIDE) -> Values | None:
     """Frequency, share and damping of the mount that a bend stands for; ``None`` where hammer or sensor follows it."""
     if bend.spec.variant not in (PLAIN.variant, "one-shape"):
         return None
     frequency, outer, damping, *shapes = bend.values
     share = outer / inertia
     aside = [shape / math.sqrt(share) for shape in shapes] if share > 0.0 else [0.0]
-    if share > MOST or not all(ASIDE[0] < a < ASIDE[1] for a in aside):
+    if share > MOST or not all(near[0] < a < near[1] for a in aside):
         return None
     root = 1.0 / math.sqrt(1.0 - share)
     return frequency * root, share * root**2, damping * root

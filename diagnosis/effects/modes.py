@@ -101,12 +101,12 @@ def _sliding(assembly: Assembly, values: Values, weight: float) -> None:
 
 
 def _carrier(assembly: Assembly, values: Values, weight: float) -> None:
-    percussion, offset = _percussion(assembly.problem, float(assembly.P[kernel.J_L])), values[3]
-    both = percussion + offset
-    carried(assembly, values, percussion / both, percussion * offset / both)
+    reach, offset = percussion(assembly.problem, float(assembly.P[kernel.J_L])), values[3]
+    both = reach + offset
+    carried(assembly, values, reach / both, reach * offset / both)
 
 
-def _percussion(problem: Problem, inertia: float) -> float:
+def percussion(problem: Problem, inertia: float) -> float:
     """Radius of the arm's centre of percussion J_L/(m l) [m], by the maker's mass and centre of mass."""
     mass, radius = problem.rig.arm_mass, problem.rig.arm_com_radius
     return inertia / (mass * radius) if mass and radius else 1.0
@@ -189,7 +189,7 @@ def _offset(problem: Problem) -> str | None:
 
 
 def _lever_limits(problem: Problem) -> dict[str, tuple[float, float]]:
-    reach = _percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
+    reach = percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
     levers = {"percussion_radius": (0.2 * reach, 5.0 * reach), "offset": (-0.5 * reach, 10.0 * reach)}
     return {**_limits(problem), **levers}
 
@@ -198,7 +198,7 @@ def _lever_starts(low: float, high: float, share: float) -> Starts:
     """The grid of frequencies with a lever of this share of the centre of percussion's radius."""
 
     def starts(problem: Problem) -> tuple[Values, ...]:
-        reach = share * _percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
+        reach = share * percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
         return _grid(low, high, reach)(problem)
 
     return starts
@@ -206,7 +206,7 @@ def _lever_starts(low: float, high: float, share: float) -> Starts:
 
 def _lever_peaks(low: float, high: float, share: float) -> ResidualStarts:
     def starts(problem: Problem, residuals: Residuals) -> tuple[Values, ...]:
-        reach = share * _percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
+        reach = share * percussion(problem, float(problem.base.start[BASE_INDEX["load_inertia"]]))
         return _peaks(low, high, reach)(problem, residuals)
 
     return starts

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from jointscope.diagnosis.assembly import BASE_INDEX
 from jointscope.diagnosis.base import refit_base
 from jointscope.diagnosis.candidates import candidates_for, residuals_of
+from jointscope.diagnosis.carriers import carriers
 from jointscope.diagnosis.effects import catalogue
 from jointscope.diagnosis.far_modes import far_modes
 from jointscope.diagnosis.predict import predict_outputs
@@ -89,12 +90,18 @@ def sought(builders, stiff):
             0.98 * J,
         )  # as sweeps put them
         near = with_fresh_jacobian(stage.objective, replace(stage.fit, x=where.pack(theta, ())))
-        return stage, far_modes(stage, stage.objective, near if stiff == STIFF else stage.fit, candidates)
+        far = far_modes(stage, stage.objective, near if stiff == STIFF else stage.fit, candidates)
+        return stage, far, carriers(stage, stage.objective, specs)
 
 
-def test_a_neighbour_that_couples_differently_in_each_posture_is_found(builders):
+@pytest.fixture(scope="module")
+def sprung(builders):
+    return sought(builders, STIFF)
+
+
+def test_a_neighbour_that_couples_differently_in_each_posture_is_found(sprung):
     """The joint's stiffness and inertia, and where the link lies, are those of the two bodies; the rest is seen apart less."""
-    stage, found = sought(builders, STIFF)
+    stage, found, _ = sprung
     best = min(found, key=lambda h: h.loss)
     theta, (mode,) = best.fit.coordinates.unpack(best.fit.x)
     values = dict(zip((p.name for p in mode.spec.parameters), mode.values, strict=True))
@@ -106,5 +113,18 @@ def test_a_neighbour_that_couples_differently_in_each_posture_is_found(builders)
     assert values["frequency"] == pytest.approx(FREE, rel=0.2)
 
 
+def test_the_postures_own_stiffnesses_lead_to_it_from_the_base_that_lost_them(sprung):
+    """No further from the data than where the sweeps' stiffness leads."""
+    stage, far, found = sprung
+    best = min(found, key=lambda h: h.loss)
+    theta, (mode,) = best.fit.coordinates.unpack(best.fit.x)
+    assert mode.spec.variant == "carrier-turned"
+    assert best.fit.chi2 < 0.1 * stage.fit.chi2
+    assert best.loss < min(h.loss for h in far)
+    assert theta[BASE_INDEX["stiffness"]] == pytest.approx(K, rel=0.1)
+    assert theta[BASE_INDEX["load_inertia"]] == pytest.approx(J, rel=0.05)
+    assert mode.values[4] == pytest.approx(WAY, abs=0.15)
+
+
 def test_none_is_sought_where_the_base_follows_the_hits(builders):
-    assert sought(builders, 1e3 * STIFF)[1] == []
+    assert sought(builders, 1e5 * STIFF)[1:] == ([], [])

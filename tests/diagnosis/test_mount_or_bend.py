@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from jointscope.diagnosis.containment import contains
 from jointscope.diagnosis.coordinates import coordinates
 from jointscope.diagnosis.effects import ActiveEffect, at_rig
 from jointscope.diagnosis.effects.coupled import PLAIN
@@ -65,3 +67,16 @@ def test_what_was_found_as_a_bend_is_fitted_as_a_mount_once(problem, truth):
         assert [h.names for h in mounts] == [("base-compliance@base",)]
         assert mounts[0].loss < leader.loss + 1.0
         assert as_mounts(objective, [*mounts, leader]) == []
+
+
+@pytest.mark.parametrize(("aside", "holds_it"), [(1.0, True), (0.99, True), (1.1, False)])
+def test_a_bend_that_is_followed_as_a_mount_is_holds_the_mount(problem, truth, aside, holds_it):
+    """Its two further numbers are then worth what the mount's law is off by, and no more."""
+    found = bend(problem, truth, aside)
+    where = coordinates(problem, (found.spec,))
+    fit = SimpleNamespace(x=where.pack(truth, (found,)), coordinates=where)
+    outer = SimpleNamespace(
+        names=("link-flexibility@load",), hypothesis=SimpleNamespace(fit=fit, specs=(found.spec,))
+    )
+    inner = SimpleNamespace(names=("base-compliance@base",))
+    assert contains(outer, inner) is holds_it
