@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jointscope.diagnosis.assembly import BASE_INDEX
+from jointscope.diagnosis.by_posture import own_stiffness
 from jointscope.diagnosis.coordinates import coordinates
-from jointscope.diagnosis.drifts import telling
 from jointscope.diagnosis.effects import ActiveEffect
 from jointscope.diagnosis.effects.modes import percussion
-from jointscope.diagnosis.per_run import run_steps
 from jointscope.diagnosis.refit import least_squares
 from jointscope.diagnosis.search import Hypothesis, profile_loss
 
@@ -45,11 +44,8 @@ ECCENTRICITIES = {"sliding-mount-turned": (0.0,), "carrier-turned": (0.4, 0.8, 1
 KEPT = 3  # lines over the postures of each law, the nearest
 ABOVE = (1.5, 2.0, 2.7, 3.6, 5.0)  # times the joint's resonance, where a carrier's may lie
 DAMPING = 0.03
-FITTED, STEPS, SIMULATIONS = (
-    2,
-    20,
-    160,
-)  # starts of each law that are fitted, those nearest to the data, and how far
+FITTED = 2  # starts of each law that are fitted, those nearest to the data ...
+STEPS, SIMULATIONS = 20, 160  # ... and how far
 
 
 @dataclass(frozen=True)
@@ -105,14 +101,8 @@ def carriers(stage: Stage, objective: Objective, specs: Sequence[EffectSpec]) ->
     laws = [s for s in specs if s.variant in ECCENTRICITIES and s.possible(problem) is None]
     if not laws or BASE_INDEX["stiffness"] not in stage.fit.coordinates.free:
         return []
-    steps, errors = run_steps(stage, "stiffness")
-    still = np.array([r.run.experiment != "speed-motion" and r.spring for r in problem.runs])
-    known = telling(steps, np.where(still, errors, np.inf))
-    angles = np.array([r.initial_angle for r in problem.runs])[known]
-    if len(np.unique(np.round(angles, 1))) < POSTURES:
-        return []
-    steps, errors = steps[known], errors[known]
-    if np.ptp(steps) < SEEN * float(np.median(errors)):
+    angles, steps, errors = own_stiffness(stage)
+    if len(np.unique(np.round(angles, 1))) < POSTURES or np.ptp(steps) < SEEN * float(np.median(errors)):
         return []
     own = theta[BASE_INDEX["stiffness"]] * np.maximum(1.0 + steps, 0.1)
     found = []

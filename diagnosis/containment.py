@@ -9,10 +9,7 @@ from jointscope.diagnosis.effects.postures import APART
 from jointscope.diagnosis.search import CONTAINED
 from jointscope.diagnosis.uncoupling import is_mount
 
-TURNING = (
-    "base-compliance",
-    "link-flexibility",
-)  # a bend that hammer and sensor follow as a mount holds the mount
+TURNING = ("base-compliance", "link-flexibility")  # a bend that is followed as a mount is holds the mount
 MOUNTS = ("base-compliance", "neighbour-flexibility")
 WIDER = (*CONTAINED, MOUNTS)  # law, and one that contains it
 NOT_EXCLUDED = 6.0  # nats that a law which contains another may be behind it, its own numbers in range

@@ -127,4 +127,8 @@ def test_the_postures_own_stiffnesses_lead_to_it_from_the_base_that_lost_them(sp
 
 
 def test_none_is_sought_where_the_base_follows_the_hits(builders):
-    assert sought(builders, 1e5 * STIFF)[1:] == ([], [])
+    assert sought(builders, 1e3 * STIFF)[1] == []
+
+
+def test_no_posture_leads_to_a_carrier_that_no_hit_feels(builders):
+    assert sought(builders, 1e5 * STIFF)[2] == []
